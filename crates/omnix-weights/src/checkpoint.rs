@@ -1,0 +1,279 @@
+//! A checkpoint: configuration and weights, with logical tensor names.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+use crate::locate::{self, Weights};
+use crate::{TensorFile, TensorInfo, TensorView, WeightsError, names};
+
+/// A network's configuration and its weights, in one file or in shards.
+#[derive(Debug)]
+pub struct Checkpoint {
+    config: Value,
+    files: Vec<TensorFile>,
+    /// Which file holds a tensor, by full name.
+    index: BTreeMap<String, usize>,
+    metadata: BTreeMap<String, String>,
+    prefix: String,
+    name: String,
+    path: PathBuf,
+    digest: OnceLock<String>,
+}
+
+impl Checkpoint {
+    /// Opens a folder with `config.json` and `model.safetensors` (or `model.safetensors.index.json` and its shards), or a
+    /// `.safetensors` or index file with `config.json` beside it.
+    ///
+    /// The weights are mapped, not read. Do not shorten the files while the checkpoint is open: the system then ends the
+    /// process at the next access. Replacing a file by renaming another over it is harmless.
+    ///
+    /// # Errors
+    /// Files that are absent, truncated, not safetensors (PyTorch files are named as such), or a configuration that is
+    /// no JSON object. Tensors of types that cannot be used are no error before they are asked for.
+    pub fn open(path: &Path) -> Result<Self, WeightsError> {
+        let located = locate::locate(path)?;
+        // The weights first: "a PyTorch file" says more than "no config.json beside it".
+        let (files, index) = match located.weights {
+            Weights::Single(file) => {
+                let file = TensorFile::open(&file)?;
+                let index = file
+                    .tensors()
+                    .map(|(name, _)| (name.to_owned(), 0))
+                    .collect();
+                (vec![file], index)
+            }
+            Weights::Sharded { index, map } => open_shards(&index, &map)?,
+        };
+        let config = locate::read_config(&located.config)?;
+        Ok(Self::assemble(
+            config,
+            files,
+            index,
+            name_of(path),
+            path.to_owned(),
+        ))
+    }
+
+    /// Takes a configuration and a whole safetensors file from memory, for a default embedded in a program. `name` is
+    /// what messages and [`Checkpoint::name`] say, unless the configuration has a `model_name`.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::open`].
+    pub fn from_bytes(
+        name: &str,
+        config: &str,
+        weights: Cow<'static, [u8]>,
+    ) -> Result<Self, WeightsError> {
+        let path = Path::new(name);
+        let config = locate::parse_config(config, path)?;
+        let file = TensorFile::from_bytes(weights, name)?;
+        let index = file
+            .tensors()
+            .map(|(name, _)| (name.to_owned(), 0))
+            .collect();
+        Ok(Self::assemble(
+            config,
+            vec![file],
+            index,
+            name.to_owned(),
+            path.to_owned(),
+        ))
+    }
+
+    fn assemble(
+        config: Value,
+        files: Vec<TensorFile>,
+        index: BTreeMap<String, usize>,
+        name: String,
+        path: PathBuf,
+    ) -> Self {
+        let mut metadata = BTreeMap::new();
+        for file in &files {
+            metadata.extend(file.metadata().iter().map(|(k, v)| (k.clone(), v.clone())));
+        }
+        let configured = config.get("key_prefix").and_then(Value::as_str);
+        let holds = |full: &str| index.contains_key(full);
+        let prefix = match configured {
+            Some(prefix) if names::detect_prefix([prefix], &names::PROBES, holds).is_some() => {
+                prefix
+            }
+            _ => names::detect_prefix(names::PREFIXES, &names::PROBES, holds)
+                .or(configured)
+                .unwrap_or(""),
+        };
+        let prefix = prefix.to_owned();
+        let name = config
+            .get("model_name")
+            .and_then(Value::as_str)
+            .map_or(name, str::to_owned);
+        Self {
+            config,
+            files,
+            index,
+            metadata,
+            prefix,
+            name,
+            path,
+            digest: OnceLock::new(),
+        }
+    }
+
+    /// The parsed `config.json`, always an object.
+    #[must_use]
+    pub fn config_json(&self) -> &Value {
+        &self.config
+    }
+
+    /// The `__metadata__` of all files together.
+    #[must_use]
+    pub fn metadata(&self) -> &BTreeMap<String, String> {
+        &self.metadata
+    }
+
+    /// The configuration's `model_name`, else the name of the folder or file.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What was opened, or the label of an embedded checkpoint.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The weight files, in the order of their names.
+    #[must_use]
+    pub fn files(&self) -> &[TensorFile] {
+        &self.files
+    }
+
+    /// BLAKE3 of the weight files' bytes, one after the other in the order of their names, as lower-case hexadecimal.
+    ///
+    /// Reads everything once (about a second a gigabyte), then remembers.
+    pub fn digest(&self) -> &str {
+        self.digest.get_or_init(|| {
+            let mut hasher = blake3::Hasher::new();
+            for file in &self.files {
+                hasher.update(file.bytes());
+            }
+            hasher.finalize().to_hex().to_string()
+        })
+    }
+
+    /// The prefix of the stored names: the configuration's `key_prefix` where the file has such names, else the one of
+    /// [`names::PREFIXES`] that fits best.
+    #[must_use]
+    pub fn key_prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    /// Replaces the detected prefix, for files whose names nothing else tells.
+    pub fn set_key_prefix(&mut self, prefix: &str) {
+        prefix.clone_into(&mut self.prefix);
+    }
+
+    /// The full name under which a logical name is stored, by way of an alias where the file dropped a shared tensor.
+    #[must_use]
+    pub fn resolve(&self, name: &str) -> Option<String> {
+        let full = format!("{}{name}", self.prefix);
+        if self.index.contains_key(&full) {
+            return Some(full);
+        }
+        names::alias(&full, &self.metadata).filter(|kept| self.index.contains_key(kept))
+    }
+
+    /// What the header says of a tensor, by logical name.
+    #[must_use]
+    pub fn info(&self, name: &str) -> Option<&TensorInfo> {
+        self.info_stored(&self.resolve(name)?)
+    }
+
+    /// A tensor by logical name.
+    ///
+    /// # Errors
+    /// When there is none, or when its elements are not F32, F16, BF16 or F64.
+    pub fn tensor(&self, name: &str) -> Result<TensorView<'_>, WeightsError> {
+        let full = self
+            .resolve(name)
+            .unwrap_or_else(|| format!("{}{name}", self.prefix));
+        match self.index.get(&full) {
+            Some(&file) => self.files[file].tensor(&full),
+            None => Err(WeightsError::TensorMissing {
+                tensor: full,
+                path: self.path.clone(),
+            }),
+        }
+    }
+
+    /// All stored tensors by full name, in the order of their names.
+    pub fn tensors(&self) -> impl Iterator<Item = (&str, &TensorInfo)> {
+        self.index
+            .keys()
+            .filter_map(|full| Some((full.as_str(), self.info_stored(full)?)))
+    }
+
+    fn info_stored(&self, full: &str) -> Option<&TensorInfo> {
+        self.files[*self.index.get(full)?].info(full)
+    }
+}
+
+/// Opens every shard of an index and checks that each holds what the index says.
+fn open_shards(
+    path: &Path,
+    map: &BTreeMap<String, String>,
+) -> Result<(Vec<TensorFile>, BTreeMap<String, usize>), WeightsError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let shards: Vec<&str> = map
+        .values()
+        .map(String::as_str)
+        .collect::<BTreeSet<_>>()
+        .into_iter()
+        .collect();
+    let mut files = Vec::with_capacity(shards.len());
+    for shard in &shards {
+        let file = folder.join(shard);
+        if !file.is_file() {
+            return Err(WeightsError::ShardMissing {
+                path: path.to_owned(),
+                shard: (*shard).to_owned(),
+            });
+        }
+        files.push(TensorFile::open(&file)?);
+    }
+    let mut index = BTreeMap::new();
+    for (tensor, shard) in map {
+        let place = shards.partition_point(|s| *s < shard.as_str());
+        if files[place].info(tensor).is_none() {
+            let reason = format!("{tensor} is not in {shard}");
+            return Err(WeightsError::BadIndex {
+                path: path.to_owned(),
+                reason,
+            });
+        }
+        index.insert(tensor.clone(), place);
+    }
+    Ok((files, index))
+}
+
+/// The name of a folder, or of a file without its ending; `model.safetensors` is named by its folder.
+fn name_of(path: &Path) -> String {
+    let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let named = match (full.is_dir(), full.file_stem(), full.parent()) {
+        (false, Some(stem), Some(folder))
+            if stem == "model" || stem == "model.safetensors.index" =>
+        {
+            folder.file_name()
+        }
+        (false, stem, _) => stem,
+        (true, _, _) => full.file_name(),
+    };
+    named.map_or_else(
+        || "checkpoint".to_owned(),
+        |name| name.to_string_lossy().into_owned(),
+    )
+}

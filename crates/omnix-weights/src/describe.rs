@@ -1,0 +1,77 @@
+//! A guess, from names and shapes alone, of what network a checkpoint holds; for messages and `weights info`.
+
+use crate::Checkpoint;
+
+/// Published networks by width and number of blocks (`spec/da3.md` section 1).
+const SIZES: [(usize, usize, &str); 4] = [
+    (384, 12, "small"),
+    (768, 12, "base"),
+    (1024, 24, "large"),
+    (1536, 40, "giant"),
+];
+
+/// Says what a checkpoint seems to be, such as `Depth Anything 3, any-view, width 384, 12 blocks (small)`.
+#[must_use]
+pub fn describe(checkpoint: &Checkpoint) -> String {
+    let has = |start: &str| {
+        let start = format!("{}{start}", checkpoint.key_prefix());
+        checkpoint
+            .tensors()
+            .any(|(name, _)| name.starts_with(&start))
+    };
+    let Some(width) = checkpoint
+        .info("backbone.pretrained.cls_token")
+        .and_then(|t| t.shape.last().copied())
+    else {
+        return unknown(checkpoint);
+    };
+    let blocks = count_blocks(checkpoint);
+    let family = if has("st_mod.") {
+        "OmniX"
+    } else if checkpoint.key_prefix() == "model.da3." {
+        "the any-view part of a nested Depth Anything 3"
+    } else {
+        "Depth Anything 3"
+    };
+    let kind = if has("head.scratch.sky_output_conv2.") {
+        ", monocular or metric"
+    } else if has("cam_dec.") {
+        ", any-view"
+    } else {
+        ""
+    };
+    let size = SIZES
+        .iter()
+        .find(|(w, b, _)| (*w, *b) == (width, blocks))
+        .map(|(.., name)| format!(" ({name})"));
+    let gaussian = if has("gs_head.") {
+        ", with a Gaussian head"
+    } else {
+        ""
+    };
+    format!(
+        "{family}{kind}, width {width}, {blocks} blocks{}{gaussian}",
+        size.unwrap_or_default()
+    )
+}
+
+fn count_blocks(checkpoint: &Checkpoint) -> usize {
+    let start = format!("{}backbone.pretrained.blocks.", checkpoint.key_prefix());
+    let numbers = checkpoint.tensors().filter_map(|(name, _)| {
+        let (number, _) = name.strip_prefix(&start)?.split_once('.')?;
+        number.parse::<usize>().ok()
+    });
+    numbers.max().map_or(0, |last| last.saturating_add(1))
+}
+
+fn unknown(checkpoint: &Checkpoint) -> String {
+    let first: Vec<&str> = checkpoint.tensors().map(|(name, _)| name).take(3).collect();
+    if first.is_empty() {
+        "empty".to_owned()
+    } else {
+        format!(
+            "neither Depth Anything 3 nor OmniX (its tensors begin with {})",
+            first.join(", ")
+        )
+    }
+}
