@@ -1,0 +1,2 @@
+//! The omnix program.
+fn main() {}

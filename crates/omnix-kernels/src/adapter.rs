@@ -1,0 +1,102 @@
+//! Finding adapters and opening a device with what the kernels can use.
+//!
+//! The engine itself borrows the host's device; this is for programs that have none of their own: the
+//! command line, tests and benches.
+
+use crate::KernelError;
+
+/// Features the kernels use where an adapter has them; none is required.
+#[must_use]
+pub fn wanted_features() -> wgpu::Features {
+    wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SHADER_F16
+}
+
+/// The backends this build has that can compute.
+fn backends() -> wgpu::Backends {
+    wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12 | wgpu::Backends::BROWSER_WEBGPU
+}
+
+/// Every adapter, GPUs before software devices, otherwise in the order the system gives.
+#[must_use]
+pub fn enumerate() -> Vec<wgpu::Adapter> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = backends();
+    let instance = wgpu::Instance::new(descriptor);
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(backends()));
+    adapters.sort_by_key(|a| match a.get_info().device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    });
+    adapters
+}
+
+/// Why `adapter` will not do, one line a reason; empty if it will.
+#[must_use]
+pub fn shortcomings(adapter: &wgpu::Adapter) -> Vec<String> {
+    let (have, need) = (adapter.limits(), wgpu::Limits::default());
+    let mut reasons = Vec::new();
+    if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS) {
+        reasons.push("has no compute shaders".to_owned());
+    }
+    let mut at_least = |what: &str, have: u64, need: u64| {
+        if have < need {
+            reasons.push(format!("{what} is {have}, at least {need} is needed"));
+        }
+    };
+    at_least("the largest storage binding", u64::from(have.max_storage_buffer_binding_size), u64::from(need.max_storage_buffer_binding_size));
+    at_least("the largest buffer", have.max_buffer_size, need.max_buffer_size);
+    at_least("the number of storage buffers a stage", u64::from(have.max_storage_buffers_per_shader_stage), u64::from(need.max_storage_buffers_per_shader_stage));
+    at_least("the largest uniform binding", u64::from(have.max_uniform_buffer_binding_size), u64::from(need.max_uniform_buffer_binding_size));
+    at_least("workgroup memory", u64::from(have.max_compute_workgroup_storage_size), u64::from(need.max_compute_workgroup_storage_size));
+    at_least("the number of invocations a workgroup", u64::from(have.max_compute_invocations_per_workgroup), u64::from(need.max_compute_invocations_per_workgroup));
+    reasons
+}
+
+/// Picks an adapter: by index, by a part of its name (any case), or the first that will do.
+///
+/// # Errors
+/// [`KernelError::NoAdapter`] when there is none at all, none that matches, or only such as are too small.
+pub fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter, KernelError> {
+    let adapters = enumerate();
+    let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
+    let none = |reason: String| KernelError::NoAdapter { reason };
+    if adapters.is_empty() {
+        return Err(none("this machine offers no Vulkan, Metal or DX12 device".to_owned()));
+    }
+    let listed = || names.iter().enumerate().map(|(i, n)| format!("{i}: {n}")).collect::<Vec<_>>().join(", ");
+    let index = match wanted {
+        None => adapters.iter().position(|a| shortcomings(a).is_empty()).unwrap_or(0),
+        Some(text) => {
+            let by_index = text.parse::<usize>().ok().filter(|i| *i < adapters.len());
+            let lower = text.to_lowercase();
+            by_index
+                .or_else(|| names.iter().position(|n| n.to_lowercase().contains(&lower)))
+                .ok_or_else(|| none(format!("no device matches `{text}`; there are {}", listed())))?
+        }
+    };
+    let reasons = shortcomings(&adapters[index]);
+    if !reasons.is_empty() {
+        return Err(none(format!("{} is too small: {}", names[index], reasons.join("; "))));
+    }
+    adapters.into_iter().nth(index).ok_or_else(|| none("BUG: adapter index".to_owned()))
+}
+
+/// Opens `adapter` with all its limits and the wanted features it has.
+///
+/// # Errors
+/// [`KernelError::NoAdapter`] when the driver refuses.
+pub fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), KernelError> {
+    let descriptor = wgpu::DeviceDescriptor {
+        label: Some("omnix"),
+        required_features: adapter.features() & wanted_features(),
+        required_limits: adapter.limits(),
+        experimental_features: wgpu::ExperimentalFeatures::disabled(),
+        memory_hints: wgpu::MemoryHints::MemoryUsage,
+        trace: wgpu::Trace::Off,
+    };
+    pollster::block_on(adapter.request_device(&descriptor))
+        .map_err(|e| KernelError::NoAdapter { reason: format!("{} cannot be opened: {e}", adapter.get_info().name) })
+}

@@ -1,0 +1,183 @@
+//! A borrowed device with the pipelines made on it so far.
+
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use omnix_shaders::{Access, Shader};
+use rustc_hash::FxHashMap;
+
+use crate::{Caps, KernelError};
+
+/// A device, its queue, its facts, and a pipeline a shader. Cheap to clone; the host keeps its own handles.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    /// The host's device.
+    pub device: wgpu::Device,
+    /// The host's queue.
+    pub queue: wgpu::Queue,
+    /// Facts that decide the variants.
+    pub caps: Caps,
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    pipelines: Mutex<FxHashMap<(&'static str, &'static str), Arc<Pipeline>>>,
+    /// Bound where an optional argument is absent.
+    absent: wgpu::Buffer,
+    lost: Arc<OnceLock<String>>,
+}
+
+/// A compute pipeline and the layout of its one bind group.
+#[derive(Debug)]
+pub(crate) struct Pipeline {
+    pub(crate) pipeline: wgpu::ComputePipeline,
+    pub(crate) layout: wgpu::BindGroupLayout,
+}
+
+/// Bytes of the buffer bound for absent arguments: a full uniform window would also fit.
+const ABSENT_BYTES: u64 = 65_536;
+
+impl Gpu {
+    /// Borrows `device` and `queue`. Nothing global is set, but the device-lost callback is taken.
+    #[must_use]
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
+        let caps = Caps::of(device);
+        let lost = Arc::new(OnceLock::new());
+        let seen = Arc::clone(&lost);
+        device.set_device_lost_callback(move |reason, message| {
+            let _ = seen.set(format!("{reason:?}: {message}"));
+        });
+        let absent = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("absent"),
+            size: ABSENT_BYTES,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM,
+            mapped_at_creation: false,
+        });
+        let shared = Shared { pipelines: Mutex::default(), absent, lost };
+        Self { device: device.clone(), queue: queue.clone(), caps, shared: Arc::new(shared) }
+    }
+
+    /// The same device and pipelines with other variants or limits, for tests and benches.
+    #[must_use]
+    pub fn with_caps(&self, caps: Caps) -> Self {
+        Self { caps, ..self.clone() }
+    }
+
+    /// An error if the device has been lost.
+    ///
+    /// # Errors
+    /// [`KernelError::DeviceLost`].
+    pub fn check_lost(&self) -> Result<(), KernelError> {
+        match self.shared.lost.get() {
+            Some(message) => Err(KernelError::DeviceLost { message: message.clone() }),
+            None => Ok(()),
+        }
+    }
+
+    /// Waits until everything submitted has run.
+    ///
+    /// # Errors
+    /// [`KernelError::DeviceLost`].
+    pub fn wait(&self) -> Result<(), KernelError> {
+        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.check_lost()?;
+        polled.map_err(|error| KernelError::DeviceLost { message: error.to_string() })?;
+        Ok(())
+    }
+
+    /// Number of pipelines made so far.
+    #[must_use]
+    pub fn pipeline_count(&self) -> usize {
+        self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner).len()
+    }
+
+    pub(crate) fn absent(&self) -> &wgpu::Buffer {
+        &self.shared.absent
+    }
+
+    /// Creates a buffer, or says that memory ran out.
+    ///
+    /// # Errors
+    /// [`KernelError::OutOfMemory`] with `what` and the size.
+    pub fn buffer(&self, what: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, KernelError> {
+        let refused = || KernelError::OutOfMemory { what: what.to_owned(), bytes };
+        if bytes > self.device.limits().max_buffer_size {
+            return Err(refused());
+        }
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let descriptor = wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
+        let buffer = self.device.create_buffer(&descriptor);
+        match pollster::block_on(scope.pop()) {
+            Some(_) => Err(refused()),
+            None => Ok(buffer),
+        }
+    }
+
+    /// The pipeline of `shader`, made at first use.
+    pub(crate) fn pipeline(&self, shader: &'static Shader) -> Result<Arc<Pipeline>, KernelError> {
+        let key = (shader.kernel, shader.variant);
+        let mut pipelines = self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = pipelines.get(&key) {
+            return Ok(Arc::clone(found));
+        }
+        let made = Arc::new(self.make_pipeline(shader)?);
+        pipelines.insert(key, Arc::clone(&made));
+        Ok(made)
+    }
+
+    fn make_pipeline(&self, shader: &'static Shader) -> Result<Pipeline, KernelError> {
+        let (kernel, variant) = (shader.kernel, shader.variant);
+        let features = self.device.features();
+        for feature in shader.requires {
+            let needed = match *feature {
+                "subgroup" => wgpu::Features::SUBGROUP,
+                "f16" => wgpu::Features::SHADER_F16,
+                _ => wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX,
+            };
+            if !features.contains(needed) {
+                return Err(KernelError::MissingFeature { kernel, variant, feature });
+            }
+        }
+        let label = format!("{kernel}/{variant}");
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(&label),
+            source: wgpu::ShaderSource::Wgsl(shader.wgsl.into()),
+        });
+        let entries: Vec<_> = shader.bindings.iter().enumerate().map(|(i, b)| layout_entry(i, b.access, shader)).collect();
+        let layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(&label), entries: &entries });
+        let pipeline_layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(&label),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(&label),
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        match pollster::block_on(scope.pop()) {
+            Some(error) => Err(KernelError::Pipeline { kernel, variant, message: error.to_string() }),
+            None => Ok(Pipeline { pipeline, layout }),
+        }
+    }
+}
+
+/// Binding 0 is the parameters, one buffer a program, chosen by dynamic offset.
+fn layout_entry(index: usize, access: Access, shader: &Shader) -> wgpu::BindGroupLayoutEntry {
+    let (ty, dynamic, min) = match (index, access) {
+        (0, _) => (wgpu::BufferBindingType::Uniform, true, wgpu::BufferSize::new(u64::from(shader.params_size))),
+        (_, Access::Uniform) => (wgpu::BufferBindingType::Uniform, false, None),
+        (_, Access::Read) => (wgpu::BufferBindingType::Storage { read_only: true }, false, None),
+        (_, Access::ReadWrite) => (wgpu::BufferBindingType::Storage { read_only: false }, false, None),
+    };
+    wgpu::BindGroupLayoutEntry {
+        binding: index as u32,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: dynamic, min_binding_size: min },
+        count: None,
+    }
+}

@@ -1,0 +1,29 @@
+//! The kernels of omnix: what each computes, its variants, and how a call becomes dispatches.
+//!
+//! A kernel has one name and five places: `shaders/<k>/`, `src/<k>.rs` here, its CPU oracle
+//! `src/cpu/<k>.rs`, `tests/kernels/<k>.rs` and `benches/kernels/<k>.rs`; `cargo xtask tidy` fails when
+//! one is missing. A kernel's `record` is a pure function from a specification and the [`Caps`] of a
+//! device to a list of [`Dispatch`]es over numbered arguments; only [`gpu`] and [`program`] touch a device.
+//!
+//! Tensors are f32, contiguous, channels last: tokens `[image, token, channel]`, maps `[image, row, column, channel]`.
+
+pub mod adapter;
+pub mod caps;
+pub mod cpu;
+pub mod dispatch;
+pub mod error;
+pub mod gpu;
+pub mod packed;
+pub mod program;
+pub mod run;
+
+mod activation;
+pub mod linear;
+
+pub use activation::Activation;
+pub use caps::{Caps, Tier};
+pub use dispatch::{Arg, Dispatch};
+pub use error::KernelError;
+pub use gpu::Gpu;
+pub use packed::{PackedWeights, WeightType};
+pub use program::{BufferSlice, Program};

@@ -1,0 +1,122 @@
+//! Weight matrices as the kernels read them: blocks of 32 output columns, `[block][k][32]`
+//! (`shaders/lib/weights.wgsl`), f32, or f16 with two k side by side in one 32-bit word.
+
+use half::f16;
+
+use crate::caps::UNIFORM_WINDOW;
+use crate::dispatch::round_up;
+
+/// How weights are stored on the device; sums are f32 either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum WeightType {
+    /// 4 bytes a weight.
+    #[default]
+    F32,
+    /// 2 bytes a weight, unpacked in the shader: needs no f16 feature.
+    F16,
+}
+
+impl WeightType {
+    /// k per 128-byte row of a block: how many consecutive k one packed row holds.
+    pub(crate) const fn k_per_row(self) -> u64 {
+        match self {
+            Self::F32 => 1,
+            Self::F16 => 2,
+        }
+    }
+
+    /// Bytes of 32 columns of one packed row.
+    pub(crate) const ROW_BYTES: u64 = 128;
+}
+
+/// The shape of a packed weight matrix `[k, n]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PackedWeights {
+    /// Input depth.
+    pub k: u32,
+    /// Output columns.
+    pub n: u32,
+    /// Storage type.
+    pub storage: WeightType,
+}
+
+impl PackedWeights {
+    /// k after padding to a multiple of 4 (zero weights).
+    #[must_use]
+    pub const fn k_packed(&self) -> u32 {
+        self.k.div_ceil(4) * 4
+    }
+
+    /// Blocks of 32 columns.
+    #[must_use]
+    pub const fn blocks(&self) -> u32 {
+        self.n.div_ceil(32)
+    }
+
+    /// Bytes of one column block.
+    #[must_use]
+    pub const fn block_bytes(&self) -> u64 {
+        self.k_packed() as u64 / self.storage.k_per_row() * WeightType::ROW_BYTES
+    }
+
+    /// Size of the buffer: the blocks, and a tail so that a 64 KiB uniform window fits at every block.
+    #[must_use]
+    pub const fn bytes(&self) -> u64 {
+        round_up(self.block_bytes() * self.blocks() as u64, 256) + UNIFORM_WINDOW
+    }
+
+    /// Packs a matrix given by `weight(k, n)`; the result has [`PackedWeights::bytes`] bytes.
+    #[must_use]
+    pub fn pack(&self, weight: impl Fn(usize, usize) -> f32) -> Vec<u8> {
+        let (k_packed, k, n) = (self.k_packed() as usize, self.k as usize, self.n as usize);
+        let mut out = vec![0u8; self.bytes() as usize];
+        let at = |row: usize, column: usize| if row < k && column < n { weight(row, column) } else { 0.0 };
+        for block in 0..self.blocks() as usize {
+            let base = block * self.block_bytes() as usize;
+            match self.storage {
+                WeightType::F32 => {
+                    for row in 0..k_packed {
+                        for column in 0..32 {
+                            let to = base + (row * 32 + column) * 4;
+                            out[to..to + 4].copy_from_slice(&at(row, block * 32 + column).to_le_bytes());
+                        }
+                    }
+                }
+                WeightType::F16 => {
+                    for row in 0..k_packed {
+                        for column in 0..32 {
+                            let to = base + (row / 2 * 32 + column) * 4 + row % 2 * 2;
+                            let value = f16::from_f32(at(row, block * 32 + column));
+                            out[to..to + 2].copy_from_slice(&value.to_le_bytes());
+                        }
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{PackedWeights, WeightType};
+
+    #[test]
+    fn packing_puts_32_columns_side_by_side() {
+        let shape = PackedWeights { k: 3, n: 33, storage: WeightType::F32 };
+        let bytes = shape.pack(|k, n| (k * 100 + n) as f32);
+        assert_eq!(bytes.len() as u64, shape.bytes());
+        let value = |i: usize| f32::from_le_bytes([bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]]);
+        assert_eq!(value(32 + 5), 105.0);
+        // Block 1 starts after 4 (padded) rows of 32; its column 1 does not exist.
+        assert_eq!((value(4 * 32), value(4 * 32 + 1)), (32.0, 0.0));
+    }
+
+    #[test]
+    fn f16_keeps_pairs_of_k_together() {
+        let shape = PackedWeights { k: 4, n: 1, storage: WeightType::F16 };
+        let bytes = shape.pack(|k, _| k as f32);
+        assert_eq!(half::f16::from_le_bytes([bytes[2], bytes[3]]).to_f32(), 1.0);
+        assert_eq!(half::f16::from_le_bytes([bytes[128], bytes[129]]).to_f32(), 2.0);
+    }
+}

@@ -1,0 +1,36 @@
+// What all variants of `linear` share: parameters, bindings and the epilogue.
+//
+//   y[m, n] = residual[m, n] + gamma[n] * act(sum_k x[m, k] * w[k, n] + bias[n])
+//
+// x [m, k], w packed (lib/weights), bias [n], gamma [n], residual [m, n], y [m, n]; rows contiguous.
+#import activation
+#import weights
+
+const HAS_BIAS: u32 = 1u;
+const HAS_GAMMA: u32 = 2u;
+const HAS_RESIDUAL: u32 = 4u;
+// This dispatch adds to what an earlier window over k left in y.
+const ACCUMULATE: u32 = 8u;
+// This dispatch is the last window over k: the epilogue applies.
+const LAST: u32 = 16u;
+
+struct Params {
+    m: u32,
+    n: u32,
+    k: u32,
+    // First column of this dispatch; a multiple of 32.
+    n0: u32,
+    // First k and number of k of this dispatch; multiples of 4.
+    k0: u32,
+    k_len: u32,
+    // Columns of 32 in this dispatch.
+    blocks: u32,
+    act: u32,
+    flags: u32,
+    // The packed depth of a column block, in k.
+    k_packed: u32,
+    pad0: u32,
+    pad1: u32,
+}
+
+@group(0) @binding(0) var<uniform> p: Params;

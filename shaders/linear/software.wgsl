@@ -1,0 +1,111 @@
+// linear, software devices: see lib/linear_params for the equation and the shapes.
+//
+// A workgroup is one subgroup of 8 lanes and owns $TM rows x 32 columns; a lane owns 4 columns (one
+// vec4). For 4 k at a time, lane j loads x of row j as one vec4, and the values reach the other lanes
+// by constant shuffles; w comes from a uniform window, the only gather a software rasteriser does
+// without branches. No workgroup memory, no barrier. Needs k and n to be multiples of 4.
+// Sums run over k in order, so neither the rows nor the windows chosen change a bit.
+#import linear_params
+#import grid
+
+@group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
+#if W16
+@group(0) @binding(2) var<uniform> w: array<vec4<u32>, 4096>;
+#else
+@group(0) @binding(2) var<uniform> w: array<vec4<f32>, 4096>;
+#endif
+@group(0) @binding(3) var<storage, read> bias: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> gamma: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> residual: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> y: array<vec4<f32>>;
+
+fn finish(sum: vec4<f32>, row: u32, n4: u32) {
+    if (row >= p.m || n4 * 4u >= p.n) {
+        return;
+    }
+    let at = row * (p.n / 4u) + n4;
+    var v = sum;
+    if ((p.flags & ACCUMULATE) != 0u) {
+        v += y[at];
+    }
+    if ((p.flags & LAST) != 0u) {
+        if ((p.flags & HAS_BIAS) != 0u) {
+            v += bias[n4];
+        }
+        v = lib_activate(v, p.act);
+        if ((p.flags & HAS_GAMMA) != 0u) {
+            v *= gamma[n4];
+        }
+        if ((p.flags & HAS_RESIDUAL) != 0u) {
+            v += residual[at];
+        }
+    }
+    y[at] = v;
+}
+
+@compute @workgroup_size(8)
+fn main(
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let lane = local.x;
+    let tile = lib_fold(group, groups);
+    let block = tile % p.blocks;
+    let row0 = tile / p.blocks * ${TM}u;
+    if (row0 >= p.m) {
+        return;
+    }
+    let k4 = p.k / 4u;
+    let k_end = p.k_len / 4u;
+#for r in 0..$R
+    // Rows past the end read the last row; they are not written.
+    var x$r = min(row0 + ${r*8}u + lane, p.m - 1u) * k4 + p.k0 / 4u;
+#end
+#for i in 0..$TM
+    var c$i = vec4<f32>(0.0);
+#end
+#if W16
+    var at = block * p.k_len / 2u * 8u + lane;
+#else
+    var at = block * p.k_len * 8u + lane;
+#endif
+    for (var k = 0u; k < k_end; k++) {
+#for r in 0..$R
+        let a$r = x[x$r];
+        x$r += 1u;
+#end
+#if W16
+#for h in 0..2
+        let u$h = w[at];
+        at += 8u;
+#for e in 0..2
+#if !e
+        let b${h*2+e} = lib_even(u$h);
+#else
+        let b${h*2+e} = lib_odd(u$h);
+#endif
+#for r in 0..$R
+#for j in 0..8
+        c${r*8+j} = fma(vec4<f32>(subgroupShuffle(a$r[${h*2+e}], ${j}u)), b${h*2+e}, c${r*8+j});
+#end
+#end
+#end
+#end
+#else
+#for q in 0..4
+        let b$q = w[at];
+        at += 8u;
+#for r in 0..$R
+#for j in 0..8
+        c${r*8+j} = fma(vec4<f32>(subgroupShuffle(a$r[$q], ${j}u)), b$q, c${r*8+j});
+#end
+#end
+#end
+#endif
+    }
+    let n4 = p.n0 / 4u + block * 8u + lane;
+#for i in 0..$TM
+    finish(c$i, row0 + ${i}u, n4);
+#end
+}
