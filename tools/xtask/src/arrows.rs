@@ -22,16 +22,7 @@ const ARROWS: [(&str, &[&str]); 12] = [
     ("omnix-weights", &[]),
     ("omnix-geometry", &[]),
     ("omnix-io", &["omnix-geometry"]),
-    (
-        "omnix-model",
-        &[
-            "omnix-geometry",
-            "omnix-graph",
-            "omnix-kernels",
-            "omnix-shaders",
-            "omnix-weights",
-        ],
-    ),
+    ("omnix-model", &["omnix-geometry", "omnix-graph", "omnix-kernels", "omnix-shaders", "omnix-weights"]),
     ("omnix", LIBRARIES),
     ("omnix-cli", ALL_BUT_CLI),
     ("omnix-tests", ALL_BUT_CLI),
@@ -40,15 +31,8 @@ const ARROWS: [(&str, &[&str]); 12] = [
 ];
 
 /// What the library is made of.
-const LIBRARIES: &[&str] = &[
-    "omnix-geometry",
-    "omnix-graph",
-    "omnix-io",
-    "omnix-kernels",
-    "omnix-model",
-    "omnix-shaders",
-    "omnix-weights",
-];
+const LIBRARIES: &[&str] =
+    &["omnix-geometry", "omnix-graph", "omnix-io", "omnix-kernels", "omnix-model", "omnix-shaders", "omnix-weights"];
 
 /// Nobody depends on the program: tests run it as a process.
 const ALL_BUT_CLI: &[&str] = &[
@@ -64,12 +48,7 @@ const ALL_BUT_CLI: &[&str] = &[
 ];
 
 /// Packages that run without a GPU and compile in seconds: they never reach [`DEVICE`].
-const NO_DEVICE: [&str; 4] = [
-    "omnix-geometry",
-    "omnix-io",
-    "omnix-shaders",
-    "omnix-weights",
-];
+const NO_DEVICE: [&str; 4] = ["omnix-geometry", "omnix-io", "omnix-shaders", "omnix-weights"];
 const DEVICE: [&str; 3] = ["wgpu", "wgpu-core", "wgpu-hal"];
 
 /// What `cargo metadata` says of the workspace at `root`, for the platform of this machine.
@@ -77,28 +56,15 @@ const DEVICE: [&str; 3] = ["wgpu", "wgpu-core", "wgpu-hal"];
 /// # Errors
 /// [`XtaskError`] when cargo cannot be run, fails (an outdated Cargo.lock too) or prints no JSON.
 pub fn metadata(root: &Path) -> Result<Value, XtaskError> {
-    let rustc =
-        run(Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into())).arg("-vV"))?;
+    let rustc = run(Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into())).arg("-vV"))?;
     let host = rustc.lines().find_map(|line| line.strip_prefix("host: "));
-    let host = host.ok_or_else(|| XtaskError::Metadata {
-        what: "rustc -vV names no host".to_owned(),
-    })?;
+    let host = host.ok_or_else(|| XtaskError::Metadata { what: "rustc -vV names no host".to_owned() })?;
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     // One platform: crates of the others need not be downloaded.
     let text = run(Command::new(cargo)
-        .args([
-            "metadata",
-            "--format-version",
-            "1",
-            "--locked",
-            "--all-features",
-            "--filter-platform",
-            host,
-        ])
+        .args(["metadata", "--format-version", "1", "--locked", "--all-features", "--filter-platform", host])
         .current_dir(root))?;
-    serde_json::from_str(&text).map_err(|error| XtaskError::Metadata {
-        what: error.to_string(),
-    })
+    serde_json::from_str(&text).map_err(|error| XtaskError::Metadata { what: error.to_string() })
 }
 
 /// All arrows between the workspace's packages are allowed ones, and those of [`NO_DEVICE`] never reach wgpu.
@@ -106,10 +72,7 @@ pub fn metadata(root: &Path) -> Result<Value, XtaskError> {
 /// # Errors
 /// [`XtaskError::Metadata`] when `metadata` lacks a field.
 pub fn check(metadata: &Value) -> Result<Vec<Finding>, XtaskError> {
-    let members: BTreeSet<&str> = array(metadata, "workspace_members")?
-        .iter()
-        .filter_map(Value::as_str)
-        .collect();
+    let members: BTreeSet<&str> = array(metadata, "workspace_members")?.iter().filter_map(Value::as_str).collect();
     let mut names = BTreeMap::new();
     let mut ours = BTreeMap::new();
     for package in array(metadata, "packages")? {
@@ -133,11 +96,12 @@ pub fn check(metadata: &Value) -> Result<Vec<Finding>, XtaskError> {
             ));
             continue;
         };
-        let wrong = known
-            .iter()
-            .filter(|other| ours.contains_key(*other) && !allowed.contains(other));
+        let wrong = known.iter().filter(|other| ours.contains_key(*other) && !allowed.contains(other));
         findings.extend(wrong.map(|other| {
-            Finding::error(*name, format!("must not depend on {other}: it may know {allowed:?} (ARCHITECTURE.md, \"Crates\")"))
+            Finding::error(
+                *name,
+                format!("must not depend on {other}: it may know {allowed:?} (ARCHITECTURE.md, \"Crates\")"),
+            )
         }));
     }
 
@@ -147,10 +111,7 @@ pub fn check(metadata: &Value) -> Result<Vec<Finding>, XtaskError> {
             continue;
         };
         if let Some(path) = path_to_device(id, &edges, &names) {
-            findings.push(Finding::error(
-                name,
-                format!("must not reach wgpu: {}", path.join(" -> ")),
-            ));
+            findings.push(Finding::error(name, format!("must not reach wgpu: {}", path.join(" -> "))));
         }
     }
     Ok(findings)
@@ -163,10 +124,7 @@ fn edges(metadata: &Value) -> Result<BTreeMap<&str, Vec<&str>>, XtaskError> {
         let mut to = Vec::new();
         for dependency in array(node, "deps")? {
             let kinds = array(dependency, "dep_kinds")?;
-            if kinds
-                .iter()
-                .any(|kind| kind.get("kind").and_then(Value::as_str) != Some("dev"))
-            {
+            if kinds.iter().any(|kind| kind.get("kind").and_then(Value::as_str) != Some("dev")) {
                 to.push(string(dependency, "pkg")?);
             }
         }
@@ -189,9 +147,7 @@ fn path_to_device<'a>(
         for id in level {
             if DEVICE.contains(&name(id)) {
                 let mut path: Vec<&'a str> =
-                    std::iter::successors(Some(id), |id| before.get(id).copied().flatten())
-                        .map(name)
-                        .collect();
+                    std::iter::successors(Some(id), |id| before.get(id).copied().flatten()).map(name).collect();
                 path.reverse();
                 return Some(path);
             }
@@ -212,40 +168,26 @@ fn run(command: &mut Command) -> Result<String, XtaskError> {
         format!(
             "{} {}",
             command.get_program().display(),
-            command
-                .get_args()
-                .map(|a| a.to_string_lossy())
-                .collect::<Vec<_>>()
-                .join(" ")
+            command.get_args().map(|a| a.to_string_lossy()).collect::<Vec<_>>().join(" ")
         )
     };
     let line = name();
-    let output = command.output().map_err(|source| XtaskError::Command {
-        command: line.clone(),
-        source,
-    })?;
+    let output = command.output().map_err(|source| XtaskError::Command { command: line.clone(), source })?;
     if !output.status.success() {
         let stderr = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-        return Err(XtaskError::CommandFailed {
-            command: line,
-            stderr,
-        });
+        return Err(XtaskError::CommandFailed { command: line, stderr });
     }
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
 fn array<'a>(value: &'a Value, field: &str) -> Result<&'a Vec<Value>, XtaskError> {
     let found = value.get(field).and_then(Value::as_array);
-    found.ok_or_else(|| XtaskError::Metadata {
-        what: format!("no array `{field}`"),
-    })
+    found.ok_or_else(|| XtaskError::Metadata { what: format!("no array `{field}`") })
 }
 
 fn string<'a>(value: &'a Value, field: &str) -> Result<&'a str, XtaskError> {
     let found = value.get(field).and_then(Value::as_str);
-    found.ok_or_else(|| XtaskError::Metadata {
-        what: format!("no string `{field}`"),
-    })
+    found.ok_or_else(|| XtaskError::Metadata { what: format!("no string `{field}`") })
 }
 
 #[cfg(test)]
@@ -256,20 +198,9 @@ mod tests {
 
     /// Metadata of a workspace whose members are those named omnix or xtask; an edge is (from, to, kind).
     fn metadata_of(edges: &[(&str, &str, Option<&str>)]) -> Value {
-        let names: BTreeSet<&str> = edges
-            .iter()
-            .flat_map(|(from, to, _)| [*from, *to])
-            .collect();
-        let of = |name: &str| {
-            edges
-                .iter()
-                .filter(move |(from, _, _)| *from == name)
-                .copied()
-                .collect::<Vec<_>>()
-        };
-        let ours = names
-            .iter()
-            .filter(|name| name.starts_with("omnix") || **name == "xtask");
+        let names: BTreeSet<&str> = edges.iter().flat_map(|(from, to, _)| [*from, *to]).collect();
+        let of = |name: &str| edges.iter().filter(move |(from, _, _)| *from == name).copied().collect::<Vec<_>>();
+        let ours = names.iter().filter(|name| name.starts_with("omnix") || **name == "xtask");
         json!({
             "workspace_members": ours.collect::<Vec<_>>(),
             "packages": names.iter().map(|name| json!({
@@ -284,11 +215,7 @@ mod tests {
     }
 
     fn messages(edges: &[(&str, &str, Option<&str>)]) -> Vec<String> {
-        check(&metadata_of(edges))
-            .unwrap()
-            .into_iter()
-            .map(|finding| finding.to_string())
-            .collect()
+        check(&metadata_of(edges)).unwrap().into_iter().map(|finding| finding.to_string()).collect()
     }
 
     #[test]
@@ -315,31 +242,16 @@ mod tests {
             ] {
                 let found = messages(&[(from, to, kind)]);
                 assert_eq!(found.len(), 1, "{found:?}");
-                assert!(
-                    found[0].starts_with(&format!("error: {from}: must not depend on {to}")),
-                    "{found:?}"
-                );
+                assert!(found[0].starts_with(&format!("error: {from}: must not depend on {to}")), "{found:?}");
             }
         }
     }
 
     #[test]
     fn a_device_is_found_through_others_but_not_through_tests() {
-        let found = messages(&[
-            ("omnix-io", "viewer", None),
-            ("viewer", "wgpu", Some("build")),
-        ]);
-        assert_eq!(
-            found,
-            ["error: omnix-io: must not reach wgpu: omnix-io -> viewer -> wgpu"]
-        );
-        assert_eq!(
-            messages(&[
-                ("omnix-io", "viewer", Some("dev")),
-                ("viewer", "wgpu", None)
-            ]),
-            Vec::<String>::new()
-        );
+        let found = messages(&[("omnix-io", "viewer", None), ("viewer", "wgpu", Some("build"))]);
+        assert_eq!(found, ["error: omnix-io: must not reach wgpu: omnix-io -> viewer -> wgpu"]);
+        assert_eq!(messages(&[("omnix-io", "viewer", Some("dev")), ("viewer", "wgpu", None)]), Vec::<String>::new());
     }
 
     #[test]
@@ -349,9 +261,6 @@ mod tests {
 
     #[test]
     fn other_json_is_an_error() {
-        assert!(matches!(
-            check(&json!({})),
-            Err(XtaskError::Metadata { .. })
-        ));
+        assert!(matches!(check(&json!({})), Err(XtaskError::Metadata { .. })));
     }
 }

@@ -35,19 +35,11 @@ pub enum Level {
 
 impl Finding {
     fn error(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self {
-            place: place.into(),
-            message: message.into(),
-            level: Level::Error,
-        }
+        Self { place: place.into(), message: message.into(), level: Level::Error }
     }
 
     fn warning(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self {
-            place: place.into(),
-            message: message.into(),
-            level: Level::Warning,
-        }
+        Self { place: place.into(), message: message.into(), level: Level::Warning }
     }
 }
 

@@ -32,19 +32,9 @@ fn tidy() -> Result<ExitCode, XtaskError> {
     for finding in &findings {
         say(&finding.to_string());
     }
-    let errors = findings
-        .iter()
-        .filter(|finding| finding.level == Level::Error)
-        .count();
-    say(&format!(
-        "tidy: {errors} errors, {} warnings",
-        findings.len() - errors
-    ));
-    Ok(if errors == 0 {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    let errors = findings.iter().filter(|finding| finding.level == Level::Error).count();
+    say(&format!("tidy: {errors} errors, {} warnings", findings.len() - errors));
+    Ok(if errors == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// Writes a line to standard error. A reader that has gone away is no reason to fail: the exit code still tells.

@@ -11,41 +11,26 @@ const NO_KERNELS: [&str; 3] = ["compose", "lib", "src"];
 const NO_KERNEL_FILES: [&str; 5] = ["common", "layout", "main", "mod", "support"];
 
 /// Folders whose every file belongs to the kernel of its name.
-const OWNED: [&str; 3] = [
-    "crates/omnix-kernels/src/cpu",
-    "tests/kernels",
-    "benches/kernels",
-];
+const OWNED: [&str; 3] = ["crates/omnix-kernels/src/cpu", "tests/kernels", "benches/kernels"];
 
 /// Every kernel is in its five places, and no test, bench or oracle lacks its kernel.
 pub fn check(tree: &Tree) -> Vec<Finding> {
-    let kernels: BTreeSet<&str> = tree
-        .folders("shaders")
-        .into_iter()
-        .filter(|name| !NO_KERNELS.contains(name))
-        .collect();
+    let kernels: BTreeSet<&str> =
+        tree.folders("shaders").into_iter().filter(|name| !NO_KERNELS.contains(name)).collect();
     let mut findings = Vec::new();
     for kernel in &kernels {
-        let shader = [
-            format!("shaders/{kernel}/{kernel}.wgsl"),
-            format!("shaders/{kernel}/{kernel}.toml"),
-        ];
+        let shader = [format!("shaders/{kernel}/{kernel}.wgsl"), format!("shaders/{kernel}/{kernel}.toml")];
         if !shader.iter().any(|path| tree.has(path)) {
             findings.push(missing(kernel, &shader[0]));
         }
         let host = format!("crates/omnix-kernels/src/{kernel}.rs");
         let others = OWNED.iter().map(|folder| format!("{folder}/{kernel}.rs"));
         findings.extend(
-            std::iter::once(host)
-                .chain(others)
-                .filter(|path| !tree.has(path))
-                .map(|path| missing(kernel, &path)),
+            std::iter::once(host).chain(others).filter(|path| !tree.has(path)).map(|path| missing(kernel, &path)),
         );
     }
     for folder in OWNED {
-        let strays = tree
-            .rust_stems(folder)
-            .filter(|stem| !kernels.contains(stem) && !NO_KERNEL_FILES.contains(stem));
+        let strays = tree.rust_stems(folder).filter(|stem| !kernels.contains(stem) && !NO_KERNEL_FILES.contains(stem));
         findings.extend(strays.map(|stem| {
             Finding::error(
                 format!("{folder}/{stem}.rs"),
@@ -59,9 +44,7 @@ pub fn check(tree: &Tree) -> Vec<Finding> {
 fn missing(kernel: &str, path: &str) -> Finding {
     Finding::error(
         path,
-        format!(
-            "missing: kernel `{kernel}` must be in five places (CONTRIBUTING.md, \"Add a kernel\")"
-        ),
+        format!("missing: kernel `{kernel}` must be in five places (CONTRIBUTING.md, \"Add a kernel\")"),
     )
 }
 
@@ -79,10 +62,7 @@ mod tests {
 
     fn findings<'a>(paths: impl IntoIterator<Item = &'a str>) -> Vec<String> {
         let tree = Tree::from_files(paths.into_iter().map(|path| (path, "")));
-        check(&tree)
-            .into_iter()
-            .map(|finding| finding.place)
-            .collect()
+        check(&tree).into_iter().map(|finding| finding.place).collect()
     }
 
     #[test]
@@ -94,15 +74,10 @@ mod tests {
             "tests/kernels/main.rs",
             "tests/kernels/common.rs",
         ];
-        assert_eq!(
-            findings(WHOLE.into_iter().chain(beside)),
-            Vec::<String>::new()
-        );
+        assert_eq!(findings(WHOLE.into_iter().chain(beside)), Vec::<String>::new());
         assert_eq!(
             findings(
-                ["shaders/gelu/gelu.toml", "shaders/gelu/fast.wgsl"]
-                    .into_iter()
-                    .chain(WHOLE[1..].iter().copied())
+                ["shaders/gelu/gelu.toml", "shaders/gelu/fast.wgsl"].into_iter().chain(WHOLE[1..].iter().copied())
             ),
             Vec::<String>::new()
         );
@@ -111,35 +86,16 @@ mod tests {
     #[test]
     fn each_missing_place_is_named() {
         for left_out in 1..5 {
-            let rest = WHOLE
-                .iter()
-                .enumerate()
-                .filter(|(i, _)| *i != left_out)
-                .map(|(_, path)| *path);
+            let rest = WHOLE.iter().enumerate().filter(|(i, _)| *i != left_out).map(|(_, path)| *path);
             assert_eq!(findings(rest), [WHOLE[left_out]]);
         }
-        assert_eq!(
-            findings(
-                ["shaders/gelu/other.wgsl"]
-                    .into_iter()
-                    .chain(WHOLE[1..].iter().copied())
-            ),
-            [WHOLE[0]]
-        );
+        assert_eq!(findings(["shaders/gelu/other.wgsl"].into_iter().chain(WHOLE[1..].iter().copied())), [WHOLE[0]]);
     }
 
     #[test]
     fn a_place_without_its_kernel_is_named() {
-        let strays = findings(WHOLE.into_iter().chain([
-            "tests/kernels/relu.rs",
-            "crates/omnix-kernels/src/cpu/relu.rs",
-        ]));
-        assert_eq!(
-            strays,
-            [
-                "crates/omnix-kernels/src/cpu/relu.rs",
-                "tests/kernels/relu.rs"
-            ]
-        );
+        let strays =
+            findings(WHOLE.into_iter().chain(["tests/kernels/relu.rs", "crates/omnix-kernels/src/cpu/relu.rs"]));
+        assert_eq!(strays, ["crates/omnix-kernels/src/cpu/relu.rs", "tests/kernels/relu.rs"]);
     }
 }

@@ -7,20 +7,14 @@ const LONG: usize = 500;
 const TOO_LONG: usize = 600;
 
 // Written in two pieces, so that this file passes its own check.
-const MARKERS: [&str; 4] = [
-    concat!("TO", "DO"),
-    concat!("FIX", "ME"),
-    concat!("to", "do!"),
-    concat!("unimple", "mented!"),
-];
+const MARKERS: [&str; 4] =
+    [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("to", "do!"), concat!("unimple", "mented!")];
 /// Folders of one machine, which mean nothing on another.
 const MACHINE_PATHS: [&str; 2] = [concat!("/wo", "rk/"), concat!("/ro", "ot/")];
 
 /// Length and first line of each Rust and WGSL file, and leftovers in all files.
 pub fn check(tree: &Tree) -> Vec<Finding> {
-    tree.files()
-        .flat_map(|(path, text)| check_file(path, text))
-        .collect()
+    tree.files().flat_map(|(path, text)| check_file(path, text)).collect()
 }
 
 fn check_file(path: &str, text: &str) -> Vec<Finding> {
@@ -29,10 +23,7 @@ fn check_file(path: &str, text: &str) -> Vec<Finding> {
     if rust || path.ends_with(".wgsl") {
         let lines = text.lines().count();
         if lines > TOO_LONG {
-            findings.push(Finding::error(
-                path,
-                format!("{lines} lines, {TOO_LONG} allowed: split it by subject"),
-            ));
+            findings.push(Finding::error(path, format!("{lines} lines, {TOO_LONG} allowed: split it by subject")));
         } else if lines > LONG {
             findings.push(Finding::warning(
                 path,
@@ -41,10 +32,7 @@ fn check_file(path: &str, text: &str) -> Vec<Finding> {
         }
         let header = if rust { "//!" } else { "//" };
         if !text.starts_with(header) {
-            findings.push(Finding::error(
-                path,
-                format!("must start with `{header}` and say what the file is"),
-            ));
+            findings.push(Finding::error(path, format!("must start with `{header}` and say what the file is")));
         }
     }
     for (number, line) in text.lines().enumerate() {
@@ -53,10 +41,7 @@ fn check_file(path: &str, text: &str) -> Vec<Finding> {
         if !path.ends_with(".md")
             && let Some(marker) = MARKERS.iter().find(|marker| has_word(line, marker))
         {
-            findings.push(Finding::error(
-                at(),
-                format!("`{marker}`: finish it, or file an issue and leave it out"),
-            ));
+            findings.push(Finding::error(at(), format!("`{marker}`: finish it, or file an issue and leave it out")));
         }
         if let Some(found) = MACHINE_PATHS.iter().find(|found| line.contains(**found)) {
             findings.push(Finding::error(
@@ -85,10 +70,7 @@ mod tests {
     use crate::Level;
 
     fn levels(path: &str, text: &str) -> Vec<Level> {
-        check_file(path, text)
-            .into_iter()
-            .map(|finding| finding.level)
-            .collect()
+        check_file(path, text).into_iter().map(|finding| finding.level).collect()
     }
 
     #[test]
@@ -112,11 +94,7 @@ mod tests {
     #[test]
     fn leftovers_are_found_as_words() {
         for marker in MARKERS {
-            assert_eq!(
-                levels("a.toml", &format!("# {marker} later")),
-                [Level::Error],
-                "{marker}"
-            );
+            assert_eq!(levels("a.toml", &format!("# {marker} later")), [Level::Error], "{marker}");
             assert_eq!(levels("a.toml", &format!("# x{marker}")), [], "{marker}");
         }
         assert_eq!(levels("a.toml", &format!("# {}S", MARKERS[0])), []);
@@ -125,10 +103,7 @@ mod tests {
 
     #[test]
     fn paths_of_one_machine_are_found() {
-        assert_eq!(
-            levels("a.md", &format!("see {}x", MACHINE_PATHS[0])),
-            [Level::Error]
-        );
+        assert_eq!(levels("a.md", &format!("see {}x", MACHINE_PATHS[0])), [Level::Error]);
         assert_eq!(levels("a.md", "see ../shared/x and a framework"), []);
     }
 }

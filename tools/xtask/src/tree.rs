@@ -32,18 +32,13 @@ impl Tree {
 
     /// A tree from pairs of path and text, for tests of the checks.
     pub fn from_files<'a>(files: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
-        let files = files
-            .into_iter()
-            .map(|(path, text)| (path.to_owned(), text.to_owned()))
-            .collect();
+        let files = files.into_iter().map(|(path, text)| (path.to_owned(), text.to_owned())).collect();
         Self { files }
     }
 
     /// All files, sorted by path.
     pub fn files(&self) -> impl Iterator<Item = (&str, &str)> {
-        self.files
-            .iter()
-            .map(|(path, text)| (path.as_str(), text.as_str()))
+        self.files.iter().map(|(path, text)| (path.as_str(), text.as_str()))
     }
 
     /// Is there a file at this path?
@@ -54,31 +49,21 @@ impl Tree {
     /// Stems of the Rust files that lie directly in `folder`.
     pub fn rust_stems(&self, folder: &str) -> impl Iterator<Item = &str> {
         self.files.keys().filter_map(move |path| {
-            let stem = path
-                .strip_prefix(folder)?
-                .strip_prefix('/')?
-                .strip_suffix(".rs")?;
+            let stem = path.strip_prefix(folder)?.strip_prefix('/')?.strip_suffix(".rs")?;
             (!stem.contains('/')).then_some(stem)
         })
     }
 
     /// Names of the folders directly in `folder` that hold a file at any depth.
     pub fn folders(&self, folder: &str) -> Vec<&str> {
-        let inside = self.files.keys().filter_map(|path| {
-            path.strip_prefix(folder)?
-                .strip_prefix('/')?
-                .split_once('/')
-        });
+        let inside = self.files.keys().filter_map(|path| path.strip_prefix(folder)?.strip_prefix('/')?.split_once('/'));
         let mut names: Vec<&str> = inside.map(|(name, _)| name).collect();
         names.dedup();
         names
     }
 
     fn read_folder(&mut self, folder: &Path, prefix: &str) -> Result<(), XtaskError> {
-        let failed = |source| XtaskError::Read {
-            path: folder.to_owned(),
-            source,
-        };
+        let failed = |source| XtaskError::Read { path: folder.to_owned(), source };
         for entry in fs::read_dir(folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
             let kind = entry.file_type().map_err(failed)?;
@@ -86,11 +71,7 @@ impl Tree {
             let Ok(name) = entry.file_name().into_string() else {
                 continue;
             };
-            let relative = if prefix.is_empty() {
-                name.clone()
-            } else {
-                format!("{prefix}/{name}")
-            };
+            let relative = if prefix.is_empty() { name.clone() } else { format!("{prefix}/{name}") };
             if kind.is_dir() {
                 let hidden = name.starts_with('.') && !HIDDEN.contains(&name.as_str());
                 if !hidden && !SKIPPED.contains(&name.as_str()) {
@@ -102,10 +83,7 @@ impl Tree {
                     // An editor's temporary file that went away meanwhile.
                     Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
                     Err(source) => {
-                        return Err(XtaskError::Read {
-                            path: entry.path(),
-                            source,
-                        });
+                        return Err(XtaskError::Read { path: entry.path(), source });
                     }
                 }
             }
@@ -143,9 +121,6 @@ mod tests {
         let tree = Tree::read(crate::root()).unwrap();
         assert!(tree.has("tools/xtask/src/tree.rs"));
         assert!(tree.has("tools/setup"), "scripts have no ending");
-        assert!(
-            tree.files()
-                .all(|(path, _)| !path.starts_with("target/") && !path.starts_with(".git/"))
-        );
+        assert!(tree.files().all(|(path, _)| !path.starts_with("target/") && !path.starts_with(".git/")));
     }
 }
