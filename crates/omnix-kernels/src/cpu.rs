@@ -1,6 +1,12 @@
 //! The oracles: one plain loop a kernel, f64 sums, no sharing with the GPU side but the specification.
 //! They are what the kernels are tested against, not a fallback.
 
+mod attention;
+mod layer_norm;
 mod linear;
+mod split_heads;
 
+pub use attention::attention;
+pub use layer_norm::layer_norm;
 pub use linear::linear;
+pub use split_heads::split_heads;
