@@ -15,7 +15,7 @@
 use omnix_kernels::Activation;
 
 use crate::graph::{Graph, Node, Source, Value};
-use crate::op::{Op, Operand, PointwiseOp};
+use crate::op::{Binary, Op, Operand, Unary};
 
 /// Applies every rule until none fits, then drops nodes that nothing needs.
 #[must_use]
@@ -44,6 +44,14 @@ fn uses(graph: &Graph) -> Vec<u32> {
     uses
 }
 
+/// A pointwise node as seen from its producer.
+#[derive(Clone, Copy)]
+enum Then {
+    Unary(Unary),
+    Add(Operand),
+    Mul(Operand),
+}
+
 struct Pass {
     graph: Graph,
     gone: Vec<bool>,
@@ -61,15 +69,18 @@ impl Pass {
 
     /// Node `i` is pointwise: try to make it part of its producer, which then runs in its place.
     fn epilogue(&mut self, i: usize) {
-        let Op::Pointwise { op, a, b } = self.graph.nodes[i].op else { return };
-        let candidates = match b {
+        let candidates = match self.graph.nodes[i].op {
+            Op::Unary { op, x } => vec![(x, Then::Unary(op))],
             // Additions commute: either side may be the producer.
-            Some(b) if op == PointwiseOp::Add => vec![(a, Some(b)), (b.value, Some(Operand { value: a, ..b }))],
-            _ => vec![(a, b)],
+            Op::Binary { op: Binary::Add, a, b } => {
+                vec![(a, Then::Add(b)), (b.value, Then::Add(Operand { value: a, ..b }))]
+            }
+            Op::Binary { op: Binary::Mul, a, b } => vec![(a, Then::Mul(b))],
+            _ => return,
         };
-        for (value, other) in candidates {
+        for (value, then) in candidates {
             let Some(j) = self.sole_producer(value) else { continue };
-            if let Some(fused) = self.merged(j, op, value, other) {
+            if let Some(fused) = self.merged(j, value, then) {
                 self.graph.nodes[i].op = fused;
                 self.gone[j] = true;
                 return;
@@ -77,28 +88,22 @@ impl Pass {
         }
     }
 
-    /// The operation of node `j` followed by `op(value, other)`, if one node can do both.
-    fn merged(&self, j: usize, op: PointwiseOp, value: Value, other: Option<Operand>) -> Option<Op> {
+    /// The operation of node `j`, which makes `value`, with `then` done in the same node, if it can be.
+    fn merged(&self, j: usize, value: Value, then: Then) -> Option<Op> {
         let shape = self.graph.shape(value);
         let same = |b: &Operand| self.graph.shape(b.value) == shape && b.div == 1;
         let row = |b: &Operand| b.div == 1 && b.len == shape.width() && self.graph.shape(b.value).len() == 1;
         let mut merged = self.graph.nodes[j].op.clone();
-        match (&mut merged, other) {
-            (Op::Linear(l), None) if l.act == Activation::None && l.gamma.is_none() && l.residual.is_none() => {
+        match (&mut merged, then) {
+            (Op::Linear(l), Then::Unary(op)) if l.act == Activation::None && l.gamma.is_none() && l.residual.is_none() => {
                 l.act = activation(op)?;
             }
-            (Op::Conv2d(c), None) if c.act == Activation::None && c.residuals[0].is_none() => c.act = activation(op)?,
-            (Op::LayerNorm { act, .. }, None) if *act == Activation::None => *act = activation(op)?,
-            (Op::Linear(l), Some(b)) if op == PointwiseOp::Mul && row(&b) && l.gamma.is_none() && l.residual.is_none() => {
-                l.gamma = Some(b.value);
-            }
-            (Op::Linear(l), Some(b)) if op == PointwiseOp::Add && same(&b) && l.residual.is_none() => l.residual = Some(b.value),
-            (Op::Conv2d(c), Some(b)) if op == PointwiseOp::Add && same(&b) => {
-                *c.residuals.iter_mut().find(|r| r.is_none())? = Some(b.value);
-            }
-            (Op::Resize { add, .. }, Some(b))
-                if op == PointwiseOp::Add && add.is_none() && **self.graph.shape(b.value) == shape[1..] && b.div == 1 =>
-            {
+            (Op::Conv2d(c), Then::Unary(op)) if c.act == Activation::None && c.residuals[0].is_none() => c.act = activation(op)?,
+            (Op::LayerNorm { act, .. }, Then::Unary(op)) if *act == Activation::None => *act = activation(op)?,
+            (Op::Linear(l), Then::Mul(b)) if row(&b) && l.gamma.is_none() && l.residual.is_none() => l.gamma = Some(b.value),
+            (Op::Linear(l), Then::Add(b)) if same(&b) && l.residual.is_none() => l.residual = Some(b.value),
+            (Op::Conv2d(c), Then::Add(b)) if same(&b) => *c.residuals.iter_mut().find(|r| r.is_none())? = Some(b.value),
+            (Op::Resize { add, .. }, Then::Add(b)) if add.is_none() && b.div == 1 && **self.graph.shape(b.value) == shape[1..] => {
                 *add = Some(b.value);
             }
             _ => return None,
@@ -110,21 +115,21 @@ impl Pass {
     fn prologue(&mut self, i: usize) {
         let Op::Conv2d(conv) = &self.graph.nodes[i].op else { return };
         let Source::Node(j) = self.graph.info(conv.x).source else { return };
-        let Op::Pointwise { op: PointwiseOp::Relu, a, .. } = self.graph.nodes[j].op else { return };
+        let Op::Unary { op: Unary::Relu, x } = self.graph.nodes[j].op else { return };
         if self.gone[j] || conv.relu_input {
             return;
         }
         let Op::Conv2d(conv) = &mut self.graph.nodes[i].op else { return };
-        conv.x = a;
+        conv.x = x;
         conv.relu_input = true;
     }
 }
 
-fn activation(op: PointwiseOp) -> Option<Activation> {
+fn activation(op: Unary) -> Option<Activation> {
     match op {
-        PointwiseOp::Relu => Some(Activation::Relu),
-        PointwiseOp::Gelu => Some(Activation::Gelu),
-        PointwiseOp::Silu => Some(Activation::Silu),
+        Unary::Relu => Some(Activation::Relu),
+        Unary::Gelu => Some(Activation::Gelu),
+        Unary::Silu => Some(Activation::Silu),
         _ => None,
     }
 }

@@ -8,8 +8,8 @@
 use omnix_kernels::Activation;
 use smallvec::SmallVec;
 
-pub use omnix_kernels::copy::Copy as StridedCopy;
-pub use omnix_kernels::pointwise::PointwiseOp;
+pub use omnix_kernels::copy::{Copy as StridedCopy, Strided};
+pub use omnix_kernels::pointwise::{Binary, Unary};
 pub use omnix_kernels::reduce::ReduceOp;
 pub use omnix_kernels::reference_view::Strategy;
 pub use omnix_kernels::resize::{Corners, Filter};
@@ -165,14 +165,21 @@ pub enum Op {
         /// Source and geometry of each piece.
         pieces: Vec<(Value, StridedCopy)>,
     },
-    /// `op(a, b)` or `op(a)` element by element.
-    Pointwise {
+    /// `op(x)` element by element.
+    Unary {
         /// What to compute.
-        op: PointwiseOp,
+        op: Unary,
+        /// Operand.
+        x: Value,
+    },
+    /// `op(a, b)` element by element.
+    Binary {
+        /// What to compute.
+        op: Binary,
         /// First operand; the output's shape.
         a: Value,
-        /// Second operand of binary operations.
-        b: Option<Operand>,
+        /// Second operand.
+        b: Operand,
     },
     /// `silu(x[:, ..h]) · x[:, h..]`.
     SwiGlu {
@@ -237,7 +244,7 @@ impl Op {
             Self::Conv2d(_) => "conv2d",
             Self::Resize { .. } => "resize",
             Self::Copy { .. } => "copy",
-            Self::Pointwise { .. } => "pointwise",
+            Self::Unary { .. } | Self::Binary { .. } => "pointwise",
             Self::SwiGlu { .. } => "swiglu",
             Self::Softmax { .. } => "softmax",
             Self::Reduce { .. } => "reduce",
@@ -289,11 +296,8 @@ impl Op {
                 add.iter_mut().for_each(|v| all(&mut [v]));
             }
             Self::Copy { pieces } => pieces.iter_mut().for_each(|(v, _)| all(&mut [v])),
-            Self::Pointwise { a, b, .. } => {
-                all(&mut [a]);
-                b.iter_mut().for_each(|b| all(&mut [&mut b.value]));
-            }
-            Self::SwiGlu { x } | Self::Softmax { x } | Self::Reduce { x, .. } | Self::TopK { x, .. } | Self::ReferenceView { x, .. } => {
+            Self::Binary { a, b, .. } => all(&mut [a, &mut b.value]),
+            Self::Unary { x, .. } | Self::SwiGlu { x } | Self::Softmax { x } | Self::Reduce { x, .. } | Self::TopK { x, .. } | Self::ReferenceView { x, .. } => {
                 all(&mut [x]);
             }
             Self::Gather { x, index } => all(&mut [x, index]),

@@ -54,14 +54,17 @@ pub fn row_wise(graph: &Graph, node: &Node) -> Option<RowWise> {
             (rows_of(*x), 1, with(1, usize::from(weight.is_some()) + usize::from(bias.is_some())))
         }
         Op::SwiGlu { x } | Op::Softmax { x } => (rows_of(*x), 1, with(1, 0)),
-        Op::Pointwise { a, b, .. } => {
+        Op::Unary { x, .. } => (rows_of(*x), 1, with(1, 0)),
+        Op::Binary { a, b, .. } => {
             let (rows, width) = (rows_of(*a), graph.shape(*a).width());
-            match b {
-                None => (rows, 1, with(1, 0)),
-                Some(b) if b.div * b.len == rows * width && (b.div == 1 || b.div == width) && b.len > 1 => (rows, 1, with(2, 0)),
-                Some(b) if b.len == 1 || (b.div == 1 && b.len == width) => (rows, 1, with(1, 1)),
-                Some(b) if b.div == 1 && b.len.is_multiple_of(width) => (rows, b.len / width, with(1, 1)),
-                Some(_) => return None,
+            if b.div * b.len == rows * width && (b.div == 1 || b.div == width) && b.len > 1 {
+                (rows, 1, with(2, 0))
+            } else if b.len == 1 || (b.div == 1 && b.len == width) {
+                (rows, 1, with(1, 1))
+            } else if b.div == 1 && b.len.is_multiple_of(width) {
+                (rows, b.len / width, with(1, 1))
+            } else {
+                return None;
             }
         }
         Op::SplitHeads(s) if s.groups > 1 => {

@@ -2,7 +2,7 @@
 
 use crate::error::GraphError;
 use crate::graph::{Graph, Shape, Source, Value};
-use crate::op::{Op, StridedCopy};
+use crate::op::{Op, Strided, StridedCopy};
 
 /// Row-major strides of `dims`.
 fn strides(dims: &[usize]) -> Vec<usize> {
@@ -13,9 +13,16 @@ fn strides(dims: &[usize]) -> Vec<usize> {
     out
 }
 
-/// A copy of `dims` elements with strides for both sides; up to six axes.
+/// A copy of `dims` elements with an offset and strides for each side; up to six axes.
 fn strided(dims: &[usize], src: (usize, &[usize]), dst: (usize, &[usize])) -> StridedCopy {
-    StridedCopy::new(dims, src.0, src.1, dst.0, dst.1)
+    let six = |values: &[usize], fill: u32| {
+        let mut out = [fill; 6];
+        let first = 6 - values.len();
+        out[first..].iter_mut().zip(values).for_each(|(o, v)| *o = *v as u32);
+        out
+    };
+    let side = |(offset, strides): (usize, &[usize])| Strided { offset: offset as u64, strides: six(strides, 0) };
+    StridedCopy { shape: six(dims, 1), src: side(src), dst: side(dst) }
 }
 
 impl Graph {
