@@ -1,7 +1,7 @@
 //! Host structs against what naga sees: size, and every member's name and offset.
 
 use omnix_kernels::layout::{HostParams, Layout};
-use omnix_kernels::{attention, layer_norm, linear, split_heads};
+use omnix_kernels::{attention, layer_norm, linear, reduce, softmax, split_heads};
 use omnix_shaders::ALL;
 
 /// The host's `Params` of every kernel.
@@ -9,6 +9,8 @@ const HOST: &[(&str, Layout)] = &[
     ("attention", attention::AttentionParams::LAYOUT),
     ("layer_norm", layer_norm::LayerNormParams::LAYOUT),
     ("linear", linear::LinearParams::LAYOUT),
+    ("reduce", reduce::ReduceParams::LAYOUT),
+    ("softmax", softmax::SoftmaxParams::LAYOUT),
     ("split_heads", split_heads::SplitHeadsParams::LAYOUT),
 ];
 

@@ -4,4 +4,6 @@ mod attention;
 mod layer_norm;
 mod layout;
 mod linear;
+mod reduce;
+mod softmax;
 mod split_heads;

@@ -22,6 +22,8 @@ mod activation;
 pub mod attention;
 pub mod layer_norm;
 pub mod linear;
+pub mod reduce;
+pub mod softmax;
 pub mod split_heads;
 
 pub use activation::Activation;
