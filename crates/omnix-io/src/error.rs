@@ -1,0 +1,210 @@
+//! What can go wrong between files and the engine. Messages name the thing and the cure, the path last.
+
+use std::{io, path::PathBuf};
+
+/// Errors of reading inputs, preparing pictures and writing results.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum IoError {
+    /// An input names nothing that exists and matches no file as a pattern.
+    #[error("no such file, folder or matching pattern: check the spelling of {path}")]
+    NotFound {
+        /// The input as given.
+        path: PathBuf,
+    },
+    /// A glob pattern that cannot be parsed.
+    #[error("not a valid file pattern ({reason}): {pattern}")]
+    BadPattern {
+        /// The pattern as given.
+        pattern: String,
+        /// What the parser objects to.
+        reason: String,
+    },
+    /// A file whose extension is neither a picture's nor a video's.
+    #[error(
+        "files of type \"{extension}\" are not read: convert to png, jpg, webp or bmp (pictures) \
+         or mp4, mov, avi, mkv, webm, m4v, flv or wmv (videos): {path}"
+    )]
+    UnsupportedExtension {
+        /// The extension, lower case, without the dot; empty if there is none.
+        extension: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file named like a picture that holds something else.
+    #[error("not a picture, found {found}: replace or remove {path}")]
+    NotAnImage {
+        /// What the first bytes look like.
+        found: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A picture whose file ends too early.
+    #[error("the picture is cut off ({detail}): copy it again from its source: {path}")]
+    TruncatedImage {
+        /// What was missing.
+        detail: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A picture that the decoder refuses.
+    #[error("cannot decode the picture ({reason}): convert it to an 8-bit png: {path}")]
+    ImageDecode {
+        /// The decoder's words.
+        reason: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// An input without a single frame.
+    #[error("no frames, found {found}: name a folder with pictures, a picture or a video instead of {path}")]
+    NoFrames {
+        /// What was found instead.
+        found: String,
+        /// The input.
+        path: PathBuf,
+    },
+    /// A choice of frames that chooses nothing.
+    #[error("{reason}: ask for at least one frame and a positive, finite rate")]
+    BadChoice {
+        /// What was asked for.
+        reason: String,
+    },
+    /// ffmpeg or ffprobe is not installed.
+    #[error(
+        "{tool} was not found, and videos are read through it: install ffmpeg (apt install ffmpeg) or pass a folder of pictures instead of {path}"
+    )]
+    MissingTool {
+        /// Name of the program.
+        tool: &'static str,
+        /// The video that needed it.
+        path: PathBuf,
+    },
+    /// ffprobe cannot read the file as a video.
+    #[error("not a readable video ({reason}): check that the file is complete, or convert it with ffmpeg: {path}")]
+    NotAVideo {
+        /// ffprobe's words.
+        reason: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A video that ends before its own index does.
+    #[error(
+        "the video is cut off ({detail}): copy it again, or save what is whole with `ffmpeg -i IN -c copy OUT.mkv`: {path}"
+    )]
+    TruncatedVideo {
+        /// How many frames are there and how many were promised, or ffmpeg's words.
+        detail: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// ffmpeg stopped in the middle of a video.
+    #[error("cannot decode frame {frame} of the video ({detail}): convert it with ffmpeg first: {path}")]
+    VideoDecode {
+        /// Frame number in the file, from 0.
+        frame: u32,
+        /// The end of ffmpeg's messages.
+        detail: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A picture that preprocessing would reduce to nothing or blow up without bound.
+    #[error("a picture of {width} x {height} pixels becomes {becomes}: {cure}")]
+    DegenerateSize {
+        /// Input width in pixels.
+        width: u32,
+        /// Input height in pixels.
+        height: u32,
+        /// What preprocessing would make of it.
+        becomes: String,
+        /// What to do.
+        cure: String,
+    },
+    /// A name that is not one of a fixed list.
+    #[error("unknown {what} \"{name}\": use one of {known}")]
+    UnknownName {
+        /// What the name should have been.
+        what: &'static str,
+        /// The name as given.
+        name: String,
+        /// The known names.
+        known: &'static str,
+    },
+    /// An export needs something that the network did not give.
+    #[error(
+        "the export {export} needs {missing}, which image {index} does not have: leave {export} out or use a network with cameras"
+    )]
+    MissingField {
+        /// Name of the export.
+        export: &'static str,
+        /// What is missing.
+        missing: &'static str,
+        /// Global index of the image.
+        index: usize,
+    },
+    /// A result whose buffers do not have the size they claim, or differ from the first image's where one array holds all.
+    #[error("image {index} has {what} of {found} values where the export {export} needs {expected}")]
+    WrongSize {
+        /// Name of the export.
+        export: &'static str,
+        /// Which buffer.
+        what: &'static str,
+        /// Global index of the image.
+        index: usize,
+        /// Needed number of values.
+        expected: usize,
+        /// Number of values found.
+        found: usize,
+    },
+    /// The output folder cannot be made or written to.
+    #[error("cannot write to the output folder: choose another with --out or change its permissions: {path}")]
+    OutputFolder {
+        /// The folder.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// No space left.
+    #[error("the disk is full: free some space or choose another folder with --out; while writing {path}")]
+    DiskFull {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// Any other failure of reading.
+    #[error("cannot read: check that the file exists and is readable: {path}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// Any other failure of writing.
+    #[error("cannot write: check the folder's permissions and the disk: {path}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+}
+
+impl IoError {
+    /// Wraps a failed write: a full disk or an exceeded quota gets a name of its own.
+    pub(crate) fn write(path: impl Into<PathBuf>, source: io::Error) -> Self {
+        let path = path.into();
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::DiskFull { path, source },
+            _ => Self::Write { path, source },
+        }
+    }
+
+    /// Wraps a failed read.
+    pub(crate) fn read(path: impl Into<PathBuf>, source: io::Error) -> Self {
+        let path = path.into();
+        match source.kind() {
+            io::ErrorKind::NotFound => Self::NotFound { path },
+            _ => Self::Read { path, source },
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! `npz` and `mini_npz`: Depth Anything 3's result archives (`da3.md` section 15).
+//!
+//! Arrays over all S images: `image` u8 [S,H,W,3] (npz only), `depth` f32 [S,H,W] (rounded to 6 decimals, mini 8), `conf` f32
+//! [S,H,W] (2 decimals), `extrinsics` f32 [S,3,4] world-to-camera, `intrinsics` f32 [S,3,3]; absent ones are left out. Each array
+//! is spooled to an unnamed file as images come and packed at the end, because its header states S. Archives above 4 GiB are
+//! zip64; arrays above 1 GiB are stored uncompressed, since packing them would take minutes (numpy reads both).
+//! Format of an array: NPY version 1.0, C order, little endian.
+
+use std::{
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
+
+use super::{
+    Export, FrameResult, RunSummary, Sink,
+    atomic::{AtomicFile, Spool},
+};
+use crate::IoError;
+
+/// Which of the two archives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Layout {
+    Full,
+    Mini,
+}
+
+/// One array as it grows.
+struct Column {
+    name: &'static str,
+    dtype: &'static str,
+    shape: Vec<usize>,
+    spool: Spool,
+}
+
+pub(super) struct NpzSink {
+    dir: PathBuf,
+    path: PathBuf,
+    layout: Layout,
+    images: usize,
+    columns: Vec<Column>,
+}
+
+impl NpzSink {
+    pub(super) fn new(dir: &Path, layout: Layout) -> Self {
+        let name = match layout {
+            Layout::Full => "exports/npz/results.npz",
+            Layout::Mini => "exports/mini_npz/results.npz",
+        };
+        Self { dir: dir.to_owned(), path: dir.join(name), layout, images: 0, columns: Vec::new() }
+    }
+
+    /// Appends one image's part; the first image decides which arrays exist and their shape.
+    fn append(&mut self, frame: &FrameResult<'_>, part: Part<'_>) -> Result<(), IoError> {
+        if self.images == 0 {
+            let spool = Spool::new(&self.dir, self.path.clone())?;
+            let shape = part.shape.clone();
+            self.columns.push(Column { name: part.name, dtype: part.dtype, shape, spool });
+        }
+        let wrong = |expected: &[usize]| IoError::WrongSize {
+            export: self.layout.export().name(),
+            what: part.name,
+            index: frame.index,
+            expected: expected.iter().product(),
+            found: part.shape.iter().product(),
+        };
+        match self.columns.iter_mut().find(|c| c.name == part.name) {
+            Some(column) if column.shape == part.shape => column.spool.put(part.bytes),
+            Some(column) => Err(wrong(&column.shape)),
+            None => Err(wrong(&[0])),
+        }
+    }
+}
+
+/// One image's share of an array.
+struct Part<'a> {
+    name: &'static str,
+    dtype: &'static str,
+    shape: Vec<usize>,
+    bytes: &'a [u8],
+}
+
+impl Layout {
+    fn export(self) -> Export {
+        match self {
+            Self::Full => Export::Npz,
+            Self::Mini => Export::MiniNpz,
+        }
+    }
+}
+
+impl Sink for NpzSink {
+    fn export(&self) -> Export {
+        self.layout.export()
+    }
+
+    fn frame(&mut self, frame: &FrameResult<'_>) -> Result<(), IoError> {
+        let export = self.layout.export();
+        frame.check(export)?;
+        let (w, h) = (frame.width as usize, frame.height as usize);
+        let decimals = if self.layout == Layout::Full { 1e6 } else { 1e8 };
+        let depth = little_endian(frame.depth.iter().map(|&d| rounded(d, decimals)));
+        let conf = frame.confidence.map(|c| little_endian(c.iter().map(|&v| rounded(v, 100.0))));
+        let extrinsics = frame.extrinsics.map(|e| little_endian(e.into_iter().flatten()));
+        let intrinsics = frame.intrinsics.map(|k| little_endian(k.into_iter().flatten()));
+        let f32s = |name, shape, bytes| Part { name, dtype: "<f4", shape, bytes };
+        let mut parts = Vec::with_capacity(5);
+        if self.layout == Layout::Full {
+            parts.push(Part { name: "image", dtype: "|u1", shape: vec![h, w, 3], bytes: frame.rgb });
+        }
+        parts.push(f32s("depth", vec![h, w], depth.as_slice()));
+        parts.extend(conf.as_deref().map(|bytes| f32s("conf", vec![h, w], bytes)));
+        parts.extend(extrinsics.as_deref().map(|bytes| f32s("extrinsics", vec![3, 4], bytes)));
+        parts.extend(intrinsics.as_deref().map(|bytes| f32s("intrinsics", vec![3, 3], bytes)));
+        if let Some(column) = self.columns.iter().find(|c| parts.iter().all(|p| p.name != c.name)) {
+            return Err(IoError::MissingField { export: export.name(), missing: column.name, index: frame.index });
+        }
+        for part in parts {
+            self.append(frame, part)?;
+        }
+        self.images += 1;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>, _summary: &RunSummary) -> Result<Vec<PathBuf>, IoError> {
+        if self.images == 0 {
+            return Ok(Vec::new());
+        }
+        let mut file = AtomicFile::create(self.path.clone())?;
+        let fail = |e: zip::result::ZipError| IoError::write(&self.path, e.into());
+        let mut zip = ZipWriter::new(file.writer());
+        for column in self.columns {
+            let large = column.spool.len() > 1 << 30;
+            let method = if large { CompressionMethod::Stored } else { CompressionMethod::Deflated };
+            let options = SimpleFileOptions::default().compression_method(method).large_file(large);
+            zip.start_file(format!("{}.npy", column.name), options).map_err(fail)?;
+            let header = npy_header(column.dtype, self.images, &column.shape);
+            zip.write_all(&header).map_err(|e| IoError::write(&self.path, e))?;
+            let mut body = column.spool.into_reader()?;
+            io::copy(&mut body, &mut zip).map_err(|e| IoError::write(&self.path, e))?;
+        }
+        zip.finish().map_err(fail)?;
+        Ok(vec![file.commit()?])
+    }
+}
+
+/// numpy's `round`: scale, round half to even, scale back, all in f32. Values beyond f32's range when scaled stay.
+fn rounded(value: f32, scale: f32) -> f32 {
+    let scaled = value * scale;
+    if scaled.is_finite() { scaled.round_ties_even() / scale } else { value }
+}
+
+fn little_endian(values: impl Iterator<Item = f32>) -> Vec<u8> {
+    values.flat_map(f32::to_le_bytes).collect()
+}
+
+/// NPY 1.0 header, padded so that the data starts at a multiple of 64.
+fn npy_header(dtype: &str, images: usize, shape: &[usize]) -> Vec<u8> {
+    let tail: Vec<String> = shape.iter().map(ToString::to_string).collect();
+    let mut text =
+        format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({images}, {}), }}", tail.join(", "));
+    let unpadded = 10 + text.len() + 1;
+    text.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(64) - unpadded));
+    text.push('\n');
+    let mut header = b"\x93NUMPY\x01\x00".to_vec();
+    header.extend_from_slice(&(text.len() as u16).to_le_bytes());
+    header.extend_from_slice(text.as_bytes());
+    header
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn header_is_padded() {
+        let header = npy_header("<f4", 24, &[280, 504]);
+        assert_eq!(header.len() % 64, 0);
+        assert_eq!(header.last(), Some(&b'\n'));
+    }
+
+    #[test]
+    fn rounding_as_numpy() {
+        assert_eq!(rounded(1.234_567_8, 1e6), 1.234_568);
+        assert_eq!(rounded(2.345, 100.0), 2.34);
+        assert_eq!(rounded(f32::MAX, 1e6), f32::MAX);
+        assert!(rounded(f32::NAN, 1e6).is_nan());
+    }
+}

@@ -1,0 +1,109 @@
+//! What every text file keeps to: its length, its first line, and nothing left over from writing it.
+
+use crate::{Finding, Tree};
+
+/// Lines of a Rust or WGSL file from which it is worth splitting, and from which it must be.
+const LONG: usize = 500;
+const TOO_LONG: usize = 600;
+
+// Written in two pieces, so that this file passes its own check.
+const MARKERS: [&str; 4] =
+    [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("to", "do!"), concat!("unimple", "mented!")];
+/// Folders of one machine, which mean nothing on another.
+const MACHINE_PATHS: [&str; 2] = [concat!("/wo", "rk/"), concat!("/ro", "ot/")];
+
+/// Length and first line of each Rust and WGSL file, and leftovers in all files.
+pub fn check(tree: &Tree) -> Vec<Finding> {
+    tree.files().flat_map(|(path, text)| check_file(path, text)).collect()
+}
+
+fn check_file(path: &str, text: &str) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let rust = path.ends_with(".rs");
+    if rust || path.ends_with(".wgsl") {
+        let lines = text.lines().count();
+        if lines > TOO_LONG {
+            findings.push(Finding::error(path, format!("{lines} lines, {TOO_LONG} allowed: split it by subject")));
+        } else if lines > LONG {
+            findings.push(Finding::warning(
+                path,
+                format!("{lines} lines: split it by subject before it reaches {TOO_LONG}"),
+            ));
+        }
+        let header = if rust { "//!" } else { "//" };
+        if !text.starts_with(header) {
+            findings.push(Finding::error(path, format!("must start with `{header}` and say what the file is")));
+        }
+    }
+    for (number, line) in text.lines().enumerate() {
+        let at = || format!("{path}:{}", number + 1);
+        // Prose may speak of the markers.
+        if !path.ends_with(".md")
+            && let Some(marker) = MARKERS.iter().find(|marker| has_word(line, marker))
+        {
+            findings.push(Finding::error(at(), format!("`{marker}`: finish it, or file an issue and leave it out")));
+        }
+        if let Some(found) = MACHINE_PATHS.iter().find(|found| line.contains(**found)) {
+            findings.push(Finding::error(
+                at(),
+                format!("`{found}` is a folder of one machine: name it relative to the repository"),
+            ));
+        }
+    }
+    findings
+}
+
+/// Does `line` have `word` with no letter, digit or underscore on either side?
+fn has_word(line: &str, word: &str) -> bool {
+    let part = |c: char| c.is_alphanumeric() || c == '_';
+    line.match_indices(word).any(|(at, _)| {
+        let before = line[..at].chars().next_back();
+        let after = line[at + word.len()..].chars().next();
+        // After the exclamation mark of a macro anything may follow.
+        !before.is_some_and(part) && (word.ends_with('!') || !after.is_some_and(part))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Level;
+
+    fn levels(path: &str, text: &str) -> Vec<Level> {
+        check_file(path, text).into_iter().map(|finding| finding.level).collect()
+    }
+
+    #[test]
+    fn length_warns_then_fails() {
+        let file = |lines: usize| "//! x\n".to_owned() + &"//\n".repeat(lines - 1);
+        assert_eq!(levels("a.rs", &file(500)), []);
+        assert_eq!(levels("a.rs", &file(501)), [Level::Warning]);
+        assert_eq!(levels("a.wgsl", &file(600)), [Level::Warning]);
+        assert_eq!(levels("a.wgsl", &file(601)), [Level::Error]);
+        assert_eq!(levels("long.md", &file(601)), []);
+    }
+
+    #[test]
+    fn a_file_says_what_it_is() {
+        assert_eq!(levels("a.rs", "// plain\n"), [Level::Error]);
+        assert_eq!(levels("a.rs", ""), [Level::Error]);
+        assert_eq!(levels("a.wgsl", "// plain\n"), []);
+        assert_eq!(levels("a.wgsl", "\n// late\n"), [Level::Error]);
+    }
+
+    #[test]
+    fn leftovers_are_found_as_words() {
+        for marker in MARKERS {
+            assert_eq!(levels("a.toml", &format!("# {marker} later")), [Level::Error], "{marker}");
+            assert_eq!(levels("a.toml", &format!("# x{marker}")), [], "{marker}");
+        }
+        assert_eq!(levels("a.toml", &format!("# {}S", MARKERS[0])), []);
+        assert_eq!(levels("a.md", MARKERS[0]), []);
+    }
+
+    #[test]
+    fn paths_of_one_machine_are_found() {
+        assert_eq!(levels("a.md", &format!("see {}x", MACHINE_PATHS[0])), [Level::Error]);
+        assert_eq!(levels("a.md", "see ../shared/x and a framework"), []);
+    }
+}
