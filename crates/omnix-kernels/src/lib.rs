@@ -13,12 +13,20 @@ pub mod cpu;
 pub mod dispatch;
 pub mod error;
 pub mod gpu;
+pub mod layout;
 pub mod packed;
 pub mod program;
 pub mod run;
 
 mod activation;
+mod cover;
+
+pub mod conv2d;
+pub mod copy;
 pub mod linear;
+pub mod pointwise;
+pub mod resize;
+pub mod swiglu;
 
 pub use activation::Activation;
 pub use caps::{Caps, Tier};
