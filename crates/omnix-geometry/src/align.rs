@@ -31,19 +31,14 @@ impl Similarity {
     /// Maps a point.
     #[must_use]
     pub fn apply(&self, point: [f32; 3]) -> [f32; 3] {
-        self.map(DVec3::from(point.map(f64::from)))
-            .as_vec3()
-            .to_array()
+        self.map(DVec3::from(point.map(f64::from))).as_vec3().to_array()
     }
 
     /// Maps a camera, w2c in and out: the c2w rotation becomes `R R_i`, the centre `s R c_i + t`.
     #[must_use]
     pub fn apply_to_w2c(&self, w2c: &Pose) -> Pose {
         let c2w = Rigid::from_rows(w2c).inverse();
-        let mapped = Rigid {
-            rotation: self.matrix() * c2w.rotation,
-            translation: self.map(c2w.translation),
-        };
+        let mapped = Rigid { rotation: self.matrix() * c2w.rotation, translation: self.map(c2w.translation) };
         to_rows(mapped.inverse())
     }
 
@@ -80,24 +75,13 @@ pub struct Alignment {
 ///
 /// # Errors
 /// As [`fit_cameras`].
-pub fn align_cameras(
-    given: &[Pose],
-    predicted: &[Pose],
-    to: AlignTo,
-) -> Result<Alignment, GeometryError> {
+pub fn align_cameras(given: &[Pose], predicted: &[Pose], to: AlignTo) -> Result<Alignment, GeometryError> {
     let similarity = fit_cameras(given, predicted)?;
     Ok(match to {
-        AlignTo::Given => Alignment {
-            similarity,
-            extrinsics: given.to_vec(),
-            depth_divisor: similarity.scale,
-        },
+        AlignTo::Given => Alignment { similarity, extrinsics: given.to_vec(), depth_divisor: similarity.scale },
         AlignTo::Predicted => Alignment {
             similarity,
-            extrinsics: given
-                .iter()
-                .map(|pose| similarity.apply_to_w2c(pose))
-                .collect(),
+            extrinsics: given.iter().map(|pose| similarity.apply_to_w2c(pose)).collect(),
             depth_divisor: 1.0,
         },
     })
@@ -113,11 +97,7 @@ pub fn align_cameras(
 /// Fewer than 3 views, lists of different length, poses that are not finite, or collinear centres.
 pub fn fit_cameras(given: &[Pose], predicted: &[Pose]) -> Result<Similarity, GeometryError> {
     let (x, y) = (centres(given)?, centres(predicted)?);
-    if x.len() < RANSAC_VIEWS {
-        umeyama(&x, &y)
-    } else {
-        ransac(&x, &y)
-    }
+    if x.len() < RANSAC_VIEWS { umeyama(&x, &y) } else { ransac(&x, &y) }
 }
 
 /// Umeyama's least-squares similarity from points x to points y (`spec/da3.md` 8.5).
@@ -142,25 +122,14 @@ pub fn umeyama(x: &[[f64; 3]], y: &[[f64; 3]]) -> Result<Similarity, GeometryErr
         cov_x += dx * dx.transpose() / n;
     }
     let (Some((u, d, vt)), Some((_, dx, _))) = (svd(cov), svd(cov_x)) else {
-        return Err(GeometryError::InvalidCamera {
-            view: 0,
-            reason: "a camera centre has a NaN or infinity",
-        });
+        return Err(GeometryError::InvalidCamera { view: 0, reason: "a camera centre has a NaN or infinity" });
     };
-    if !(d[1] > RANK_TOLERANCE * d[0]) {
+    if d[1] <= RANK_TOLERANCE * d[0] {
         // The variance of x alone squares the relative extent.
-        let which = if dx[1] > RANK_TOLERANCE * dx[0] {
-            "predicted"
-        } else {
-            "given"
-        };
+        let which = if dx[1] > RANK_TOLERANCE * dx[0] { "predicted" } else { "given" };
         return Err(GeometryError::CollinearCentres { which });
     }
-    let sign = if u.determinant() * vt.determinant() < 0.0 {
-        -1.0
-    } else {
-        1.0
-    };
+    let sign = if u.determinant() * vt.determinant() < 0.0 { -1.0 } else { 1.0 };
     let rotation = u * NMatrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 1.0, sign)) * vt;
     let scale = (d[0] + d[1] + sign * d[2]) / cov_x.trace();
     let mut similarity = Similarity {
@@ -176,14 +145,10 @@ fn ransac(x: &[[f64; 3]], y: &[[f64; 3]]) -> Result<Similarity, GeometryError> {
     let plain = umeyama(x, y)?;
     let nearest = x.iter().map(|&p| {
         let p = plain.map(DVec3::from(p));
-        y.iter()
-            .map(|&q| p.distance(DVec3::from(q)))
-            .fold(f64::INFINITY, f64::min)
+        y.iter().map(|&q| p.distance(DVec3::from(q))).fold(f64::INFINITY, f64::min)
     });
     let threshold = median(nearest.collect());
-    let pick = |list: &[[f64; 3]], places: &[usize]| -> Vec<[f64; 3]> {
-        places.iter().map(|&k| list[k]).collect()
-    };
+    let pick = |list: &[[f64; 3]], places: &[usize]| -> Vec<[f64; 3]> { places.iter().map(|&k| list[k]).collect() };
     let mut generator = Generator::new(RANSAC_SEED);
     let mut best: Option<(Similarity, Vec<usize>, f64)> = None;
     for _ in 0..RANSAC_ROUNDS {
@@ -195,9 +160,9 @@ fn ransac(x: &[[f64; 3]], y: &[[f64; 3]]) -> Result<Similarity, GeometryError> {
         let error = |k: usize| fit.map(DVec3::from(x[k])).distance(DVec3::from(y[k]));
         let inliers: Vec<usize> = (0..x.len()).filter(|&k| error(k) <= threshold).collect();
         let mean = inliers.iter().map(|&k| error(k)).sum::<f64>() / inliers.len().max(1) as f64;
-        let better = best.as_ref().is_none_or(|(_, most, least)| {
-            inliers.len() > most.len() || inliers.len() == most.len() && mean < *least
-        });
+        let better = best
+            .as_ref()
+            .is_none_or(|(_, most, least)| inliers.len() > most.len() || inliers.len() == most.len() && mean < *least);
         if better {
             best = Some((fit, inliers, mean));
         }
@@ -225,10 +190,7 @@ fn centres(w2c: &[Pose]) -> Result<Vec<[f64; 3]>, GeometryError> {
         if centre.is_finite() {
             Ok(centre.to_array())
         } else {
-            Err(GeometryError::InvalidCamera {
-                view,
-                reason: "its pose has a NaN or infinity",
-            })
+            Err(GeometryError::InvalidCamera { view, reason: "its pose has a NaN or infinity" })
         }
     };
     w2c.iter().enumerate().map(centre).collect()
@@ -262,11 +224,7 @@ mod tests {
     fn curve(n: usize) -> Vec<Pose> {
         let pose = |k: usize| {
             let a = k as f32 * 0.7;
-            [
-                [1.0, 0.0, 0.0, a.cos()],
-                [0.0, 1.0, 0.0, (2.0 * a).sin()],
-                [0.0, 0.0, 1.0, 0.3 * a],
-            ]
+            [[1.0, 0.0, 0.0, a.cos()], [0.0, 1.0, 0.0, (2.0 * a).sin()], [0.0, 0.0, 1.0, 0.3 * a]]
         };
         (0..n).map(pose).collect()
     }
@@ -298,12 +256,7 @@ mod tests {
 
     #[test]
     fn mirrored_points_still_give_a_rotation() {
-        let x = [
-            [0.0, 0.0, 0.0],
-            [1.0, 0.0, 0.0],
-            [0.0, 2.0, 0.0],
-            [0.0, 0.0, 3.0],
-        ];
+        let x = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]];
         let y = x.map(|[a, b, c]| [-a, b, c]);
         let found = umeyama(&x, &y).unwrap();
         assert!((found.matrix().determinant() - 1.0).abs() < 1e-9);
@@ -311,38 +264,16 @@ mod tests {
 
     #[test]
     fn degenerate_cameras_are_errors() {
-        let line: Vec<Pose> = (0..5)
-            .map(|k| {
-                [
-                    [1.0, 0.0, 0.0, k as f32],
-                    [0.0, 1.0, 0.0, 0.0],
-                    [0.0, 0.0, 1.0, 0.0],
-                ]
-            })
-            .collect();
+        let line: Vec<Pose> =
+            (0..5).map(|k| [[1.0, 0.0, 0.0, k as f32], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]).collect();
         let given = |a: &[Pose], b: &[Pose]| fit_cameras(a, b).unwrap_err();
-        assert_eq!(
-            given(&line, &curve(5)),
-            GeometryError::CollinearCentres { which: "given" }
-        );
-        assert_eq!(
-            given(&curve(5), &line),
-            GeometryError::CollinearCentres { which: "predicted" }
-        );
-        assert_eq!(
-            given(&curve(1), &curve(1)),
-            GeometryError::TooFewViews { views: 1 }
-        );
-        assert!(matches!(
-            given(&curve(4), &curve(5)),
-            GeometryError::LengthMismatch { .. }
-        ));
+        assert_eq!(given(&line, &curve(5)), GeometryError::CollinearCentres { which: "given" });
+        assert_eq!(given(&curve(5), &line), GeometryError::CollinearCentres { which: "predicted" });
+        assert_eq!(given(&curve(1), &curve(1)), GeometryError::TooFewViews { views: 1 });
+        assert!(matches!(given(&curve(4), &curve(5)), GeometryError::LengthMismatch { .. }));
         let mut bad = curve(5);
         bad[2][0][3] = f32::NAN;
-        assert!(matches!(
-            given(&bad, &curve(5)),
-            GeometryError::InvalidCamera { view: 2, .. }
-        ));
+        assert!(matches!(given(&bad, &curve(5)), GeometryError::InvalidCamera { view: 2, .. }));
     }
 
     #[test]
@@ -354,13 +285,7 @@ mod tests {
         assert!((kept.depth_divisor - 2.5).abs() < 1e-5);
         let carried = align_cameras(&given, &moved, AlignTo::Predicted).unwrap();
         assert_eq!(carried.depth_divisor, 1.0);
-        for (a, b) in carried
-            .extrinsics
-            .iter()
-            .flatten()
-            .flatten()
-            .zip(moved.iter().flatten().flatten())
-        {
+        for (a, b) in carried.extrinsics.iter().flatten().flatten().zip(moved.iter().flatten().flatten()) {
             assert!((a - b).abs() < 1e-5);
         }
     }

@@ -26,12 +26,8 @@ pub struct Camera {
 #[must_use]
 pub fn decode_pose_code(code: [f32; 9], height: u32, width: u32) -> Camera {
     let [tx, ty, tz, qx, qy, qz, qw, fov_h, fov_w] = code.map(f64::from);
-    let c2w = Rigid {
-        rotation: matrix_from_quaternion([qx, qy, qz, qw]),
-        translation: DVec3::new(tx, ty, tz),
-    };
-    let focal =
-        |size: u32, fov: f64| (f64::from(size) / 2.0 / (fov / 2.0).tan().max(MIN_TANGENT)) as f32;
+    let c2w = Rigid { rotation: matrix_from_quaternion([qx, qy, qz, qw]), translation: DVec3::new(tx, ty, tz) };
+    let focal = |size: u32, fov: f64| (f64::from(size) / 2.0 / (fov / 2.0).tan().max(MIN_TANGENT)) as f32;
     let centre = |size: u32| (f64::from(size) / 2.0) as f32;
     Camera {
         extrinsics: to_rows(c2w.inverse()),
@@ -52,10 +48,7 @@ pub fn encode_pose_code(camera: &Camera, height: u32, width: u32) -> [f32; 9] {
     let t = c2w.translation;
     let [qx, qy, qz, qw] = quaternion_from_matrix(c2w.rotation);
     let fov = |size: u32, focal: f32| 2.0 * (f64::from(size) / 2.0 / f64::from(focal)).atan();
-    let (fov_h, fov_w) = (
-        fov(height, camera.intrinsics[1][1]),
-        fov(width, camera.intrinsics[0][0]),
-    );
+    let (fov_h, fov_w) = (fov(height, camera.intrinsics[1][1]), fov(width, camera.intrinsics[0][0]));
     [t.x, t.y, t.z, qx, qy, qz, qw, fov_h, fov_w].map(|v| v as f32)
 }
 
@@ -70,25 +63,13 @@ pub fn normalise_extrinsics(w2c: &[Pose]) -> Result<Vec<Pose>, GeometryError> {
     let Some(first) = w2c.first() else {
         return Ok(Vec::new());
     };
-    if let Some(view) = w2c
-        .iter()
-        .position(|pose| pose.iter().flatten().any(|v| !v.is_finite()))
-    {
-        return Err(GeometryError::InvalidCamera {
-            view,
-            reason: "its pose has a NaN or infinity",
-        });
+    if let Some(view) = w2c.iter().position(|pose| pose.iter().flatten().any(|v| !v.is_finite())) {
+        return Err(GeometryError::InvalidCamera { view, reason: "its pose has a NaN or infinity" });
     }
     let to_first = Rigid::from_rows(first).inverse();
-    let mut poses: Vec<Rigid> = w2c
-        .iter()
-        .map(|pose| Rigid::from_rows(pose).after(to_first))
-        .collect();
+    let mut poses: Vec<Rigid> = w2c.iter().map(|pose| Rigid::from_rows(pose).after(to_first)).collect();
     // The first centre is the origin now.
-    let mut distances: Vec<f64> = poses
-        .iter()
-        .map(|pose| pose.inverse().translation.length())
-        .collect();
+    let mut distances: Vec<f64> = poses.iter().map(|pose| pose.inverse().translation.length()).collect();
     distances.sort_by(f64::total_cmp);
     let scale = distances[(distances.len() - 1) / 2].max(MIN_DISTANCE);
     for pose in &mut poses {
@@ -123,9 +104,6 @@ mod tests {
         assert_eq!(normalise_extrinsics(&[pose]), Ok(vec![pose]));
         pose[1][3] = f32::NAN;
         let error = normalise_extrinsics(&[crate::IDENTITY_POSE, pose]);
-        assert!(matches!(
-            error,
-            Err(GeometryError::InvalidCamera { view: 1, .. })
-        ));
+        assert!(matches!(error, Err(GeometryError::InvalidCamera { view: 1, .. })));
     }
 }

@@ -31,18 +31,8 @@ pub enum Layout {
 /// # Panics
 /// When `table` has another length or a size is 0.
 #[must_use]
-pub fn position_rows(
-    table: &[f32],
-    grid: usize,
-    channels: usize,
-    rows: usize,
-    columns: usize,
-) -> Vec<f32> {
-    assert_eq!(
-        table.len(),
-        (1 + grid * grid) * channels,
-        "BUG: a position table of another size"
-    );
+pub fn position_rows(table: &[f32], grid: usize, channels: usize, rows: usize, columns: usize) -> Vec<f32> {
+    assert_eq!(table.len(), (1 + grid * grid) * channels, "BUG: a position table of another size");
     assert!(rows > 0 && columns > 0, "BUG: an empty patch grid");
     if rows == grid && columns == grid {
         return table.to_vec();
@@ -92,30 +82,15 @@ fn cubic_taps(o: usize, n: usize, grid: usize) -> [(usize, f64); 4] {
 /// # Panics
 /// When `channels` is no multiple of 4 or a size is 0.
 #[must_use]
-pub fn uv_code(
-    channels: usize,
-    height: usize,
-    width: usize,
-    image: [usize; 2],
-    layout: Layout,
-) -> Vec<f32> {
-    assert!(
-        channels.is_multiple_of(4),
-        "BUG: a UV code of {channels} channels, no multiple of 4"
-    );
-    assert!(
-        height > 0 && width > 0 && image[0] > 0 && image[1] > 0,
-        "BUG: a UV code of an empty map"
-    );
+pub fn uv_code(channels: usize, height: usize, width: usize, image: [usize; 2], layout: Layout) -> Vec<f32> {
+    assert!(channels.is_multiple_of(4), "BUG: a UV code of {channels} channels, no multiple of 4");
+    assert!(height > 0 && width > 0 && image[0] > 0 && image[1] > 0, "BUG: a UV code of an empty map");
     let quarter = channels / 4;
     let aspect = image[1] as f64 / image[0] as f64;
     let diagonal = aspect.hypot(1.0);
     let axis = |n: usize, span: f64| -> Vec<f32> {
         let positions = (0..n).map(|i| span * (2.0 * i as f64 - (n as f64 - 1.0)) / n as f64);
-        positions
-            .flat_map(|p| sin_cos(p, quarter, UV_BASE))
-            .map(|v| (UV_GAIN * v) as f32)
-            .collect()
+        positions.flat_map(|p| sin_cos(p, quarter, UV_BASE)).map(|v| (UV_GAIN * v) as f32).collect()
     };
     // Each [n, channels/2]: the code of one column (row), which all rows (columns) share.
     let (us, vs) = (axis(width, aspect / diagonal), axis(height, 1.0 / diagonal));
@@ -167,10 +142,7 @@ pub struct RopeTables {
 /// When `head_width` is no multiple of 4.
 #[must_use]
 pub fn rope_tables(positions: &[(u32, u32)], head_width: usize, base: f64) -> RopeTables {
-    assert!(
-        head_width.is_multiple_of(4),
-        "BUG: rotary tables of head width {head_width}, no multiple of 4"
-    );
+    assert!(head_width.is_multiple_of(4), "BUG: rotary tables of head width {head_width}, no multiple of 4");
     let quarter = head_width / 4;
     let columns = 2 * quarter;
     let mut tables = RopeTables {
@@ -212,15 +184,8 @@ pub fn global_positions(rows: u32, columns: u32) -> Vec<(u32, u32)> {
 /// When `width` is odd.
 #[must_use]
 pub fn time_codes(positions: &[f64], width: usize, base: f64) -> Vec<f32> {
-    assert!(
-        width.is_multiple_of(2),
-        "BUG: a time code of odd width {width}"
-    );
-    positions
-        .iter()
-        .flat_map(|&p| sin_cos(p, width / 2, base))
-        .map(|v| v as f32)
-        .collect()
+    assert!(width.is_multiple_of(2), "BUG: a time code of odd width {width}");
+    positions.iter().flat_map(|&p| sin_cos(p, width / 2, base)).map(|v| v as f32).collect()
 }
 
 /// `base^(-k/n)`, k = 0..n-1.
@@ -299,10 +264,7 @@ mod tests {
 
     #[test]
     fn token_zero_stands_apart() {
-        assert_eq!(
-            local_positions(2, 2),
-            [(0, 0), (1, 1), (1, 2), (2, 1), (2, 2)]
-        );
+        assert_eq!(local_positions(2, 2), [(0, 0), (1, 1), (1, 2), (2, 1), (2, 2)]);
         assert_eq!(global_positions(1, 2), [(0, 0), (1, 1), (1, 1)]);
     }
 }

@@ -34,9 +34,7 @@ pub enum GeometryError {
     },
 
     /// The rays of a view determine no camera.
-    #[error(
-        "the ray map of view {view} determines no camera ({reason}); use the camera decoder's cameras instead"
-    )]
+    #[error("the ray map of view {view} determines no camera ({reason}); use the camera decoder's cameras instead")]
     DegenerateRays {
         /// Index of the view.
         view: usize,

@@ -18,8 +18,8 @@ pub use align::{AlignTo, Alignment, Similarity, align_cameras, fit_cameras, umey
 pub use camera::{Camera, decode_pose_code, encode_pose_code, normalise_extrinsics};
 pub use error::GeometryError;
 pub use pose::{
-    IDENTITY_POSE, Matrix3, Pose, camera_centre, compose_poses, invert_pose, pose_to_4x4,
-    quaternion_from_rotation, rotation_from_quaternion, tum_from_c2w,
+    IDENTITY_POSE, Matrix3, Pose, camera_centre, compose_poses, invert_pose, pose_to_4x4, quaternion_from_rotation,
+    rotation_from_quaternion, tum_from_c2w,
 };
 pub use rays::{RayCamera, RayMaps, cameras_from_rays, sample_table};
 pub use unproject::{PixelCentre, points_from_depth, points_from_rays, project, resize_intrinsics};

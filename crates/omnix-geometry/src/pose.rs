@@ -9,11 +9,7 @@ pub type Pose = [[f32; 4]; 3];
 pub type Matrix3 = [[f32; 3]; 3];
 
 /// The identity pose.
-pub const IDENTITY_POSE: Pose = [
-    [1.0, 0.0, 0.0, 0.0],
-    [0.0, 1.0, 0.0, 0.0],
-    [0.0, 0.0, 1.0, 0.0],
-];
+pub const IDENTITY_POSE: Pose = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// The inverse of a rigid pose, `[R^T | -R^T t]`: from w2c to c2w and back.
 #[must_use]
@@ -30,11 +26,7 @@ pub fn compose_poses(then: &Pose, first: &Pose) -> Pose {
 /// The camera centre in world coordinates of a w2c pose, `-R^T t`.
 #[must_use]
 pub fn camera_centre(w2c: &Pose) -> [f32; 3] {
-    Rigid::from_rows(w2c)
-        .inverse()
-        .translation
-        .as_vec3()
-        .to_array()
+    Rigid::from_rows(w2c).inverse().translation.as_vec3().to_array()
 }
 
 /// Three rows with the row (0, 0, 0, 1) below them.
@@ -60,16 +52,10 @@ pub fn quaternion_from_rotation(rotation: &Matrix3) -> [f32; 4] {
 /// A c2w pose as a TUM trajectory line wants it: translation, then the unit quaternion x, y, z, w.
 #[must_use]
 pub fn tum_from_c2w(c2w: &Pose) -> ([f32; 3], [f32; 4]) {
-    let Rigid {
-        rotation,
-        translation,
-    } = Rigid::from_rows(c2w);
+    let Rigid { rotation, translation } = Rigid::from_rows(c2w);
     let q = quaternion_from_matrix(rotation);
     let length = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-    (
-        translation.as_vec3().to_array(),
-        q.map(|v| (v / length) as f32),
-    )
+    (translation.as_vec3().to_array(), q.map(|v| (v / length) as f32))
 }
 
 /// A rigid motion in f64.
@@ -83,18 +69,12 @@ impl Rigid {
     pub(crate) fn from_rows(pose: &Pose) -> Self {
         let rotation = matrix3(&pose.map(|[a, b, c, _]| [a, b, c]));
         let [x, y, z] = pose.map(|row| f64::from(row[3]));
-        Self {
-            rotation,
-            translation: DVec3::new(x, y, z),
-        }
+        Self { rotation, translation: DVec3::new(x, y, z) }
     }
 
     pub(crate) fn inverse(self) -> Self {
         let rotation = self.rotation.transpose();
-        Self {
-            rotation,
-            translation: -(rotation * self.translation),
-        }
+        Self { rotation, translation: -(rotation * self.translation) }
     }
 
     /// This motion after `first`.
@@ -118,30 +98,15 @@ pub(crate) fn matrix3(rows: &Matrix3) -> DMat3 {
 }
 
 pub(crate) fn rows3(matrix: DMat3) -> Matrix3 {
-    matrix
-        .transpose()
-        .to_cols_array_2d()
-        .map(|row| row.map(|v| v as f32))
+    matrix.transpose().to_cols_array_2d().map(|row| row.map(|v| v as f32))
 }
 
 pub(crate) fn matrix_from_quaternion([x, y, z, w]: [f64; 4]) -> DMat3 {
     let s = 2.0 / (x * x + y * y + z * z + w * w);
     let rows = [
-        [
-            1.0 - s * (y * y + z * z),
-            s * (x * y - z * w),
-            s * (x * z + y * w),
-        ],
-        [
-            s * (x * y + z * w),
-            1.0 - s * (x * x + z * z),
-            s * (y * z - x * w),
-        ],
-        [
-            s * (x * z - y * w),
-            s * (y * z + x * w),
-            1.0 - s * (x * x + y * y),
-        ],
+        [1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+        [s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)],
+        [s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)],
     ];
     DMat3::from_cols_array_2d(&rows).transpose()
 }
@@ -156,59 +121,25 @@ pub(crate) fn quaternion_from_matrix(matrix: DMat3) -> [f64; 4] {
     ]
     .map(|v: f64| v.max(0.0).sqrt());
     // The first of the largest.
-    let best = (1..4).fold(0, |best, k| {
-        if candidates[k] > candidates[best] {
-            k
-        } else {
-            best
-        }
-    });
+    let best = (1..4).fold(0, |best, k| if candidates[k] > candidates[best] { k } else { best });
     let square = candidates[best] * candidates[best];
     // Rows of the product matrix 4 q q^T in the order w, x, y, z.
     let wxyz = match best {
-        0 => [
-            square,
-            m[2][1] - m[1][2],
-            m[0][2] - m[2][0],
-            m[1][0] - m[0][1],
-        ],
-        1 => [
-            m[2][1] - m[1][2],
-            square,
-            m[1][0] + m[0][1],
-            m[0][2] + m[2][0],
-        ],
-        2 => [
-            m[0][2] - m[2][0],
-            m[1][0] + m[0][1],
-            square,
-            m[1][2] + m[2][1],
-        ],
-        _ => [
-            m[1][0] - m[0][1],
-            m[2][0] + m[0][2],
-            m[2][1] + m[1][2],
-            square,
-        ],
+        0 => [square, m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]],
+        1 => [m[2][1] - m[1][2], square, m[1][0] + m[0][1], m[0][2] + m[2][0]],
+        2 => [m[0][2] - m[2][0], m[1][0] + m[0][1], square, m[1][2] + m[2][1]],
+        _ => [m[1][0] - m[0][1], m[2][0] + m[0][2], m[2][1] + m[1][2], square],
     };
     let scale = 1.0 / (2.0 * candidates[best].max(0.1));
     let [w, x, y, z] = wxyz.map(|v| v * scale);
-    if w < 0.0 {
-        [-x, -y, -z, -w]
-    } else {
-        [x, y, z, w]
-    }
+    if w < 0.0 { [-x, -y, -z, -w] } else { [x, y, z, w] }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const QUARTER_TURN_Z: Pose = [
-        [0.0, -1.0, 0.0, 1.0],
-        [1.0, 0.0, 0.0, 2.0],
-        [0.0, 0.0, 1.0, 3.0],
-    ];
+    const QUARTER_TURN_Z: Pose = [[0.0, -1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 2.0], [0.0, 0.0, 1.0, 3.0]];
 
     #[test]
     fn a_pose_after_its_inverse_is_the_identity() {
@@ -219,12 +150,7 @@ mod tests {
 
     #[test]
     fn every_branch_of_the_quaternion_is_reached() {
-        for q in [
-            [0.1, 0.2, -0.1, 0.9],
-            [0.9, 0.1, 0.2, 0.1],
-            [0.1, 0.9, 0.2, 0.1],
-            [-0.1, 0.2, 0.9, 0.1f64],
-        ] {
+        for q in [[0.1, 0.2, -0.1, 0.9], [0.9, 0.1, 0.2, 0.1], [0.1, 0.9, 0.2, 0.1], [-0.1, 0.2, 0.9, 0.1f64]] {
             let length = q.iter().map(|v| v * v).sum::<f64>().sqrt();
             let back = quaternion_from_matrix(matrix_from_quaternion(q));
             for k in 0..4 {
@@ -238,11 +164,6 @@ mod tests {
         let (t, q) = tum_from_c2w(&QUARTER_TURN_Z);
         assert_eq!(t, [1.0, 2.0, 3.0]);
         let half = std::f32::consts::FRAC_1_SQRT_2;
-        assert!(
-            q.iter()
-                .zip([0.0, 0.0, half, half])
-                .all(|(a, b)| (a - b).abs() < 1e-6),
-            "{q:?}"
-        );
+        assert!(q.iter().zip([0.0, 0.0, half, half]).all(|(a, b)| (a - b).abs() < 1e-6), "{q:?}");
     }
 }

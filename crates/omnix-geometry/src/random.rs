@@ -24,11 +24,7 @@ impl Generator {
             u64_at(k) << 64 | u64_at(k + 1)
         };
         let (initial, stream) = (join(0), join(2));
-        let mut generator = Self {
-            state: 0,
-            increment: stream << 1 | 1,
-            spare: None,
-        };
+        let mut generator = Self { state: 0, increment: stream << 1 | 1, spare: None };
         generator.step();
         generator.state = generator.state.wrapping_add(initial);
         generator.step();
@@ -68,10 +64,7 @@ impl Generator {
         if most == 0 {
             return 0;
         }
-        let range = u32::try_from(most)
-            .ok()
-            .and_then(|m| m.checked_add(1))
-            .expect("BUG: a sample of 2^32 items");
+        let range = u32::try_from(most).ok().and_then(|m| m.checked_add(1)).expect("BUG: a sample of 2^32 items");
         let threshold = range.wrapping_neg() % range;
         loop {
             let product = u64::from(self.next_u32()) * u64::from(range);
@@ -93,10 +86,7 @@ impl Generator {
     }
 
     fn step(&mut self) {
-        self.state = self
-            .state
-            .wrapping_mul(MULTIPLIER)
-            .wrapping_add(self.increment);
+        self.state = self.state.wrapping_mul(MULTIPLIER).wrapping_add(self.increment);
     }
 }
 
@@ -136,27 +126,17 @@ mod tests {
     fn seeds_mix_as_in_numpy() {
         assert_eq!(
             seed_words(42),
-            [
-                3444837047, 2669555309, 2046530742, 3581440988, 1691623607, 2099784219, 1184028159,
-                862288241
-            ]
+            [3444837047, 2669555309, 2046530742, 3581440988, 1691623607, 2099784219, 1184028159, 862288241]
         );
     }
 
     #[test]
     fn choices_are_numpys() {
         let mut generator = Generator::new(42);
-        for expected in [
-            [5, 6, 10, 11, 4, 0],
-            [8, 11, 7, 5, 10, 6],
-            [9, 4, 1, 7, 8, 6],
-        ] {
+        for expected in [[5, 6, 10, 11, 4, 0], [8, 11, 7, 5, 10, 6], [9, 4, 1, 7, 8, 6]] {
             assert_eq!(generator.choice(12, 6), expected);
         }
-        assert_eq!(
-            Generator::new(42).choice(13824, 8),
-            [1188, 9640, 11867, 9045, 5984, 6065, 1233, 10694]
-        );
+        assert_eq!(Generator::new(42).choice(13824, 8), [1188, 9640, 11867, 9045, 5984, 6065, 1233, 10694]);
     }
 
     #[test]

@@ -62,19 +62,13 @@ pub fn cameras_from_rays(
 ) -> Result<Vec<RayCamera>, GeometryError> {
     let count = maps.size[0] * maps.size[1];
     if count == 0 {
-        return Err(GeometryError::DegenerateRays {
-            view: 0,
-            reason: "it is empty",
-        });
+        return Err(GeometryError::DegenerateRays { view: 0, reason: "it is empty" });
     }
     let views = maps.confidence.len() / count;
     expect_length("ray confidence", views * count, maps.confidence.len())?;
     expect_length("ray maps", views * count * 6, maps.rays.len())?;
     if count < 8 {
-        return Err(GeometryError::DegenerateRays {
-            view: 0,
-            reason: "it has fewer than 8 rays",
-        });
+        return Err(GeometryError::DegenerateRays { view: 0, reason: "it has fewer than 8 rays" });
     }
     let candidates = candidate_count(count);
     let own;
@@ -85,11 +79,7 @@ pub fn cameras_from_rays(
             &own
         }
     };
-    if let Some(&rank) = table
-        .iter()
-        .flatten()
-        .find(|&&rank| rank as usize >= candidates)
-    {
+    if let Some(&rank) = table.iter().flatten().find(|&&rank| rank as usize >= candidates) {
         return Err(GeometryError::LengthMismatch {
             what: "rank in the sample table (of the candidates)",
             expected: candidates,
@@ -163,27 +153,15 @@ fn solve_view(
     }
     let homography = fit_homography(&pairs, table)?;
     let (rotation, lower) = split_homography(homography)?;
-    let origins = rays
-        .iter()
-        .zip(&pairs)
-        .filter(|(_, pair)| pair.weight > 0.0);
-    let weighted =
-        origins.map(|([.., x, y, z], pair)| DVec3::from([*x, *y, *z].map(f64::from)) * pair.weight);
-    let c2w = Rigid {
-        rotation,
-        translation: weighted.sum::<DVec3>() / total,
-    };
+    let origins = rays.iter().zip(&pairs).filter(|(_, pair)| pair.weight > 0.0);
+    let weighted = origins.map(|([.., x, y, z], pair)| DVec3::from([*x, *y, *z].map(f64::from)) * pair.weight);
+    let c2w = Rigid { rotation, translation: weighted.sum::<DVec3>() / total };
 
     let focal = [1.0 / lower[(0, 0)], 1.0 / lower[(1, 1)]];
     let principal = [lower[(2, 0)] + 1.0, lower[(2, 1)] + 1.0];
     let half = [f64::from(image[1]) / 2.0, f64::from(image[0]) / 2.0];
-    let [fx, fy, cx, cy] = [
-        focal[0] * half[0],
-        focal[1] * half[1],
-        principal[0] * half[0],
-        principal[1] * half[1],
-    ]
-    .map(|v| v as f32);
+    let [fx, fy, cx, cy] =
+        [focal[0] * half[0], focal[1] * half[1], principal[0] * half[0], principal[1] * half[1]].map(|v| v as f32);
     Ok(RayCamera {
         camera: Camera {
             extrinsics: to_rows(c2w.inverse()),
@@ -204,11 +182,7 @@ fn fit_homography(pairs: &[Pair], table: &[[u32; 8]]) -> Result<NMatrix3<f64>, &
         let Some(h) = weighted_dlt(ranks.iter().map(|&rank| &pairs[order[rank as usize]])) else {
             continue;
         };
-        let score = pairs
-            .iter()
-            .filter(|pair| is_inlier(&h, pair))
-            .map(|pair| pair.weight)
-            .sum();
+        let score = pairs.iter().filter(|pair| is_inlier(&h, pair)).map(|pair| pair.weight).sum();
         if best.as_ref().is_none_or(|(_, most)| score > *most) {
             best = Some((h, score));
         }
@@ -219,11 +193,7 @@ fn fit_homography(pairs: &[Pair], table: &[[u32; 8]]) -> Result<NMatrix3<f64>, &
     if score <= 0.0 {
         return Err("no homography fits any rays");
     }
-    let mut inliers: Vec<&Pair> = order
-        .iter()
-        .map(|&k| &pairs[k])
-        .filter(|pair| is_inlier(&h, pair))
-        .collect();
+    let mut inliers: Vec<&Pair> = order.iter().map(|&k| &pairs[k]).filter(|pair| is_inlier(&h, pair)).collect();
     if inliers.len() > MAX_INLIERS {
         // In order of descending weight already.
         inliers.truncate((inliers.len() * 95 / 100).max(MAX_INLIERS));
@@ -235,24 +205,17 @@ fn is_inlier(h: &NMatrix3<f64>, pair: &Pair) -> bool {
     let [x, y] = pair.p;
     let row = |i: usize| h[(i, 0)] * x + h[(i, 1)] * y + h[(i, 2)];
     let z = row(2);
+    let (du, dv) = (row(0) / z - pair.q[0], row(1) / z - pair.q[1]);
     // NaN compares false: out.
-    (row(0) / z - pair.q[0]).hypot(row(1) / z - pair.q[1]) < INLIER_DISTANCE
+    du * du + dv * dv < INLIER_DISTANCE * INLIER_DISTANCE
 }
 
 /// The homography of least weighted algebraic error, last entry 1: the eigenvector of the least eigenvalue of the normal matrix of
 /// the rows `sqrt(wt)(-x, -y, -1, 0, 0, 0, xu, yu, u)` and `sqrt(wt)(0, 0, 0, -x, -y, -1, xv, yv, v)`.
 fn weighted_dlt<'a>(pairs: impl Iterator<Item = &'a Pair>) -> Option<NMatrix3<f64>> {
     let mut normal = SMatrix::<f64, 9, 9>::zeros();
-    for &Pair {
-        p: [x, y],
-        q: [u, v],
-        weight,
-    } in pairs.filter(|pair| pair.weight > 0.0)
-    {
-        for row in [
-            [-x, -y, -1.0, 0.0, 0.0, 0.0, x * u, y * u, u],
-            [0.0, 0.0, 0.0, -x, -y, -1.0, x * v, y * v, v],
-        ] {
+    for &Pair { p: [x, y], q: [u, v], weight } in pairs.filter(|pair| pair.weight > 0.0) {
+        for row in [[-x, -y, -1.0, 0.0, 0.0, 0.0, x * u, y * u, u], [0.0, 0.0, 0.0, -x, -y, -1.0, x * v, y * v, v]] {
             let row = SVector::from(row);
             normal.ger(weight, &row, &row, 1.0);
         }
@@ -283,7 +246,7 @@ fn split_homography(h: NMatrix3<f64>) -> Result<(glam::DMat3, NMatrix3<f64>), &'
         }
     }
     let smallest = lower.diagonal().min();
-    if !(smallest > 1e-12 * lower.norm()) {
+    if smallest <= 1e-12 * lower.norm() {
         return Err("its homography has no inverse");
     }
     lower /= lower[(2, 2)];
@@ -311,30 +274,17 @@ mod tests {
 
     fn pose() -> Rigid {
         let rotation = crate::pose::matrix_from_quaternion([0.1, -0.2, 0.05, 1.0]);
-        Rigid {
-            rotation,
-            translation: DVec3::new(0.5, -1.0, 2.0),
-        }
+        Rigid { rotation, translation: DVec3::new(0.5, -1.0, 2.0) }
     }
 
     #[test]
     fn a_central_camera_is_recovered_by_the_own_table() {
         let (rays, confidence) = synthetic([16, 24], [1.6, 2.1], &pose());
-        let maps = RayMaps {
-            rays: &rays,
-            confidence: &confidence,
-            size: [16, 24],
-        };
+        let maps = RayMaps { rays: &rays, confidence: &confidence, size: [16, 24] };
         let found = cameras_from_rays(&maps, [280, 504], None).unwrap();
         let k = found[0].camera.intrinsics;
-        assert!(
-            (k[0][0] - 1.6 * 252.0).abs() < 1e-2 && (k[1][1] - 2.1 * 140.0).abs() < 1e-2,
-            "{k:?}"
-        );
-        assert!(
-            (k[0][2] - 252.0).abs() < 1e-2 && (k[1][2] - 140.0).abs() < 1e-2,
-            "{k:?}"
-        );
+        assert!((k[0][0] - 1.6 * 252.0).abs() < 1e-2 && (k[1][1] - 2.1 * 140.0).abs() < 1e-2, "{k:?}");
+        assert!((k[0][2] - 252.0).abs() < 1e-2 && (k[1][2] - 140.0).abs() < 1e-2, "{k:?}");
         let expected = to_rows(pose());
         for (a, b) in found[0].c2w.iter().flatten().zip(expected.iter().flatten()) {
             assert!((a - b).abs() < 1e-5, "{found:?}");
@@ -350,11 +300,7 @@ mod tests {
             ray[0] += 0.1;
             *weight = 1.4;
         }
-        let maps = RayMaps {
-            rays: &rays,
-            confidence: &confidence,
-            size: [96, 112],
-        };
+        let maps = RayMaps { rays: &rays, confidence: &confidence, size: [96, 112] };
         let found = cameras_from_rays(&maps, [280, 504], None).unwrap();
         assert!((found[0].focal[0] - 1.6).abs() < 1e-4);
     }
@@ -365,34 +311,17 @@ mod tests {
         rays[6] = f32::NAN;
         rays[14] = 0.0;
         confidence[3] = f32::INFINITY;
-        let maps = RayMaps {
-            rays: &rays,
-            confidence: &confidence,
-            size: [8, 8],
-        };
+        let maps = RayMaps { rays: &rays, confidence: &confidence, size: [8, 8] };
         let found = cameras_from_rays(&maps, [56, 56], None).unwrap();
         assert!((found[0].focal[0] - 1.0).abs() < 1e-4);
 
-        let nothing = RayMaps {
-            rays: &[0.0; 64 * 6],
-            confidence: &[1.0; 64],
-            size: [8, 8],
-        };
+        let nothing = RayMaps { rays: &[0.0; 64 * 6], confidence: &[1.0; 64], size: [8, 8] };
         let error = cameras_from_rays(&nothing, [56, 56], None).unwrap_err();
-        assert!(matches!(
-            error,
-            GeometryError::DegenerateRays { view: 0, .. }
-        ));
+        assert!(matches!(error, GeometryError::DegenerateRays { view: 0, .. }));
         let parallel: Vec<f32> = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0].repeat(64);
-        let flat = RayMaps {
-            rays: &parallel,
-            ..nothing
-        };
+        let flat = RayMaps { rays: &parallel, ..nothing };
         assert!(cameras_from_rays(&flat, [56, 56], None).is_err());
-        let wrong = RayMaps {
-            size: [8, 9],
-            ..nothing
-        };
+        let wrong = RayMaps { size: [8, 9], ..nothing };
         assert!(cameras_from_rays(&wrong, [56, 56], None).is_err());
         assert!(cameras_from_rays(&maps, [56, 56], Some(&[[19; 8]])).is_err());
     }

@@ -43,17 +43,12 @@ pub fn points_from_depth(
 ) -> Result<Vec<[f32; 3]>, GeometryError> {
     expect_length("depth map", height * width, depth.len())?;
     let inverse = invert_intrinsics(intrinsics)?;
-    let Rigid {
-        rotation,
-        translation,
-    } = Rigid::from_rows(c2w);
+    let Rigid { rotation, translation } = Rigid::from_rows(c2w);
     let to_world = rotation * inverse;
     let pixels = (0..height).flat_map(|i| (0..width).map(move |j| (j, i)));
     let points = pixels.zip(depth).map(|((j, i), &z)| {
         let uv = DVec3::new(j as f64 + pixel.offset(), i as f64 + pixel.offset(), 1.0);
-        (to_world * uv * f64::from(z) + translation)
-            .as_vec3()
-            .to_array()
+        (to_world * uv * f64::from(z) + translation).as_vec3().to_array()
     });
     Ok(points.collect())
 }
@@ -67,9 +62,7 @@ pub fn points_from_rays(rays: &[f32], depth: &[f32]) -> Result<Vec<[f32; 3]>, Ge
     expect_length("ray map", depth.len() * 6, rays.len())?;
     let points = rays.as_chunks::<6>().0.iter().zip(depth);
     // In f32, one rounding a step, as the network itself would.
-    Ok(points
-        .map(|([dx, dy, dz, ox, oy, oz], z)| [ox + z * dx, oy + z * dy, oz + z * dz])
-        .collect())
+    Ok(points.map(|([dx, dy, dz, ox, oy, oz], z)| [ox + z * dx, oy + z * dy, oz + z * dz]).collect())
 }
 
 /// Image coordinates and depth (u, v, z) of a world point; u and v are meaningless where z <= 0.
@@ -77,18 +70,10 @@ pub fn points_from_rays(rays: &[f32], depth: &[f32]) -> Result<Vec<[f32; 3]>, Ge
 /// With [`PixelCentre::Half`] the result is in index coordinates too: the centre of the pixel (j, i) gives (j, i).
 #[must_use]
 pub fn project(point: [f32; 3], camera: &Camera, pixel: PixelCentre) -> [f32; 3] {
-    let Rigid {
-        rotation,
-        translation,
-    } = Rigid::from_rows(&camera.extrinsics);
+    let Rigid { rotation, translation } = Rigid::from_rows(&camera.extrinsics);
     let seen = rotation * DVec3::from(point.map(f64::from)) + translation;
     let image = matrix3(&camera.intrinsics) * seen;
-    [
-        image.x / image.z - pixel.offset(),
-        image.y / image.z - pixel.offset(),
-        seen.z,
-    ]
-    .map(|v| v as f32)
+    [image.x / image.z - pixel.offset(), image.y / image.z - pixel.offset(), seen.z].map(|v| v as f32)
 }
 
 /// Intrinsics of a picture resized from one size to another, each `[height, width]` (`spec/da3.md` 3): row 0 times the ratio of
@@ -97,27 +82,11 @@ pub fn project(point: [f32; 3], camera: &Camera, pixel: PixelCentre) -> [f32; 3]
 pub fn resize_intrinsics(intrinsics: &Matrix3, from: [usize; 2], to: [usize; 2]) -> Matrix3 {
     let ratio = |k: usize| to[k] as f64 / from[k] as f64;
     let scale = |row: [f32; 3], by: f64| row.map(|v| (f64::from(v) * by) as f32);
-    [
-        scale(intrinsics[0], ratio(1)),
-        scale(intrinsics[1], ratio(0)),
-        intrinsics[2],
-    ]
+    [scale(intrinsics[0], ratio(1)), scale(intrinsics[1], ratio(0)), intrinsics[2]]
 }
 
-pub(crate) fn expect_length(
-    what: &'static str,
-    expected: usize,
-    found: usize,
-) -> Result<(), GeometryError> {
-    if expected == found {
-        Ok(())
-    } else {
-        Err(GeometryError::LengthMismatch {
-            what,
-            expected,
-            found,
-        })
-    }
+pub(crate) fn expect_length(what: &'static str, expected: usize, found: usize) -> Result<(), GeometryError> {
+    if expected == found { Ok(()) } else { Err(GeometryError::LengthMismatch { what, expected, found }) }
 }
 
 fn invert_intrinsics(intrinsics: &Matrix3) -> Result<DMat3, GeometryError> {
@@ -126,10 +95,7 @@ fn invert_intrinsics(intrinsics: &Matrix3) -> Result<DMat3, GeometryError> {
     if determinant.is_finite() && determinant != 0.0 {
         Ok(matrix.inverse())
     } else {
-        Err(GeometryError::InvalidCamera {
-            view: 0,
-            reason: "its intrinsics have no inverse",
-        })
+        Err(GeometryError::InvalidCamera { view: 0, reason: "its intrinsics have no inverse" })
     }
 }
 
@@ -139,11 +105,7 @@ mod tests {
 
     const CAMERA: Camera = Camera {
         // A quarter turn about y, centre (5, 0, 0).
-        extrinsics: [
-            [0.0, 0.0, -1.0, 0.0],
-            [0.0, 1.0, 0.0, 0.0],
-            [1.0, 0.0, 0.0, -5.0],
-        ],
+        extrinsics: [[0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, -5.0]],
         intrinsics: [[2.0, 0.0, 1.5], [0.0, 4.0, 1.0], [0.0, 0.0, 1.0]],
     };
 
@@ -152,8 +114,7 @@ mod tests {
         let c2w = crate::invert_pose(&CAMERA.extrinsics);
         let depth: Vec<f32> = (1..=6).map(|k| k as f32).collect();
         for pixel in [PixelCentre::Whole, PixelCentre::Half] {
-            let points =
-                points_from_depth(&depth, [2, 3], &CAMERA.intrinsics, &c2w, pixel).unwrap();
+            let points = points_from_depth(&depth, [2, 3], &CAMERA.intrinsics, &c2w, pixel).unwrap();
             for (k, point) in points.iter().enumerate() {
                 let [u, v, z] = project(*point, &CAMERA, pixel);
                 assert!((u - (k % 3) as f32).abs() < 1e-5 && (v - (k / 3) as f32).abs() < 1e-5);
@@ -161,30 +122,15 @@ mod tests {
             }
         }
         // By hand: pixel (0, 0) at whole numbers, depth 1: camera point (-0.75, -0.25, 1), world (5 + 1, -0.25, 0.75).
-        let points =
-            points_from_depth(&depth, [2, 3], &CAMERA.intrinsics, &c2w, PixelCentre::Whole)
-                .unwrap();
+        let points = points_from_depth(&depth, [2, 3], &CAMERA.intrinsics, &c2w, PixelCentre::Whole).unwrap();
         assert_eq!(points[0], [6.0, -0.25, 0.75]);
     }
 
     #[test]
     fn wrong_lengths_and_intrinsics_are_errors() {
         let identity = crate::IDENTITY_POSE;
-        let short = points_from_depth(
-            &[1.0],
-            [1, 2],
-            &CAMERA.intrinsics,
-            &identity,
-            PixelCentre::Half,
-        );
-        assert!(matches!(
-            short,
-            Err(GeometryError::LengthMismatch {
-                expected: 2,
-                found: 1,
-                ..
-            })
-        ));
+        let short = points_from_depth(&[1.0], [1, 2], &CAMERA.intrinsics, &identity, PixelCentre::Half);
+        assert!(matches!(short, Err(GeometryError::LengthMismatch { expected: 2, found: 1, .. })));
         let flat = points_from_depth(&[1.0], [1, 1], &[[0.0; 3]; 3], &identity, PixelCentre::Half);
         assert!(matches!(flat, Err(GeometryError::InvalidCamera { .. })));
         assert!(points_from_rays(&[0.0; 7], &[1.0]).is_err());

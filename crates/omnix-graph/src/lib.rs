@@ -1,1 +1,30 @@
-//! See ARCHITECTURE.md.
+//! Tensor graphs: recorded without a device, planned to the byte, then encoded.
+//!
+//! * [`Graph`]: values with static shapes and a small closed set of operations; shape errors name the
+//!   operation, the value and both shapes. Layers record through [`Graph`]'s methods.
+//! * [`fuse`]: a pass from graph to graph; what is pointwise moves into its producer or reader.
+//! * [`Plan`]: which nodes run in row chunks, which buffer every value lives in, how many bytes and
+//!   operations a run takes: all known before anything runs, with no device.
+//! * [`Executable`]: the plan on a borrowed device; `encode` is the only part that touches it.
+
+pub mod build;
+pub mod error;
+pub mod exec;
+pub mod fuse;
+pub mod graph;
+mod lower;
+pub mod memory;
+pub mod op;
+pub mod plan;
+pub mod profile;
+mod record;
+pub mod rows;
+pub mod schedule;
+pub mod weights;
+
+pub use error::GraphError;
+pub use exec::Executable;
+pub use graph::{Graph, Parameter, Shape, Value};
+pub use op::Op;
+pub use plan::{Plan, PlanOptions};
+pub use weights::{ParameterSource, WeightStore};

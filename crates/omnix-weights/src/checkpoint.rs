@@ -40,22 +40,13 @@ impl Checkpoint {
         let (files, index) = match located.weights {
             Weights::Single(file) => {
                 let file = TensorFile::open(&file)?;
-                let index = file
-                    .tensors()
-                    .map(|(name, _)| (name.to_owned(), 0))
-                    .collect();
+                let index = file.tensors().map(|(name, _)| (name.to_owned(), 0)).collect();
                 (vec![file], index)
             }
             Weights::Sharded { index, map } => open_shards(&index, &map)?,
         };
         let config = locate::read_config(&located.config)?;
-        Ok(Self::assemble(
-            config,
-            files,
-            index,
-            name_of(path),
-            path.to_owned(),
-        ))
+        Ok(Self::assemble(config, files, index, name_of(path), path.to_owned()))
     }
 
     /// Takes a configuration and a whole safetensors file from memory, for a default embedded in a program. `name` is
@@ -63,25 +54,12 @@ impl Checkpoint {
     ///
     /// # Errors
     /// As [`Checkpoint::open`].
-    pub fn from_bytes(
-        name: &str,
-        config: &str,
-        weights: Cow<'static, [u8]>,
-    ) -> Result<Self, WeightsError> {
+    pub fn from_bytes(name: &str, config: &str, weights: Cow<'static, [u8]>) -> Result<Self, WeightsError> {
         let path = Path::new(name);
         let config = locate::parse_config(config, path)?;
         let file = TensorFile::from_bytes(weights, name)?;
-        let index = file
-            .tensors()
-            .map(|(name, _)| (name.to_owned(), 0))
-            .collect();
-        Ok(Self::assemble(
-            config,
-            vec![file],
-            index,
-            name.to_owned(),
-            path.to_owned(),
-        ))
+        let index = file.tensors().map(|(name, _)| (name.to_owned(), 0)).collect();
+        Ok(Self::assemble(config, vec![file], index, name.to_owned(), path.to_owned()))
     }
 
     fn assemble(
@@ -98,28 +76,12 @@ impl Checkpoint {
         let configured = config.get("key_prefix").and_then(Value::as_str);
         let holds = |full: &str| index.contains_key(full);
         let prefix = match configured {
-            Some(prefix) if names::detect_prefix([prefix], &names::PROBES, holds).is_some() => {
-                prefix
-            }
-            _ => names::detect_prefix(names::PREFIXES, &names::PROBES, holds)
-                .or(configured)
-                .unwrap_or(""),
+            Some(prefix) if names::detect_prefix([prefix], &names::PROBES, holds).is_some() => prefix,
+            _ => names::detect_prefix(names::PREFIXES, &names::PROBES, holds).or(configured).unwrap_or(""),
         };
         let prefix = prefix.to_owned();
-        let name = config
-            .get("model_name")
-            .and_then(Value::as_str)
-            .map_or(name, str::to_owned);
-        Self {
-            config,
-            files,
-            index,
-            metadata,
-            prefix,
-            name,
-            path,
-            digest: OnceLock::new(),
-        }
+        let name = config.get("model_name").and_then(Value::as_str).map_or(name, str::to_owned);
+        Self { config, files, index, metadata, prefix, name, path, digest: OnceLock::new() }
     }
 
     /// The parsed `config.json`, always an object.
@@ -198,23 +160,16 @@ impl Checkpoint {
     /// # Errors
     /// When there is none, or when its elements are not F32, F16, BF16 or F64.
     pub fn tensor(&self, name: &str) -> Result<TensorView<'_>, WeightsError> {
-        let full = self
-            .resolve(name)
-            .unwrap_or_else(|| format!("{}{name}", self.prefix));
+        let full = self.resolve(name).unwrap_or_else(|| format!("{}{name}", self.prefix));
         match self.index.get(&full) {
             Some(&file) => self.files[file].tensor(&full),
-            None => Err(WeightsError::TensorMissing {
-                tensor: full,
-                path: self.path.clone(),
-            }),
+            None => Err(WeightsError::TensorMissing { tensor: full, path: self.path.clone() }),
         }
     }
 
     /// All stored tensors by full name, in the order of their names.
     pub fn tensors(&self) -> impl Iterator<Item = (&str, &TensorInfo)> {
-        self.index
-            .keys()
-            .filter_map(|full| Some((full.as_str(), self.info_stored(full)?)))
+        self.index.keys().filter_map(|full| Some((full.as_str(), self.info_stored(full)?)))
     }
 
     fn info_stored(&self, full: &str) -> Option<&TensorInfo> {
@@ -228,20 +183,12 @@ fn open_shards(
     map: &BTreeMap<String, String>,
 ) -> Result<(Vec<TensorFile>, BTreeMap<String, usize>), WeightsError> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let shards: Vec<&str> = map
-        .values()
-        .map(String::as_str)
-        .collect::<BTreeSet<_>>()
-        .into_iter()
-        .collect();
+    let shards: Vec<&str> = map.values().map(String::as_str).collect::<BTreeSet<_>>().into_iter().collect();
     let mut files = Vec::with_capacity(shards.len());
     for shard in &shards {
         let file = folder.join(shard);
         if !file.is_file() {
-            return Err(WeightsError::ShardMissing {
-                path: path.to_owned(),
-                shard: (*shard).to_owned(),
-            });
+            return Err(WeightsError::ShardMissing { path: path.to_owned(), shard: (*shard).to_owned() });
         }
         files.push(TensorFile::open(&file)?);
     }
@@ -250,10 +197,7 @@ fn open_shards(
         let place = shards.partition_point(|s| *s < shard.as_str());
         if files[place].info(tensor).is_none() {
             let reason = format!("{tensor} is not in {shard}");
-            return Err(WeightsError::BadIndex {
-                path: path.to_owned(),
-                reason,
-            });
+            return Err(WeightsError::BadIndex { path: path.to_owned(), reason });
         }
         index.insert(tensor.clone(), place);
     }
@@ -264,16 +208,9 @@ fn open_shards(
 fn name_of(path: &Path) -> String {
     let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let named = match (full.is_dir(), full.file_stem(), full.parent()) {
-        (false, Some(stem), Some(folder))
-            if stem == "model" || stem == "model.safetensors.index" =>
-        {
-            folder.file_name()
-        }
+        (false, Some(stem), Some(folder)) if stem == "model" || stem == "model.safetensors.index" => folder.file_name(),
         (false, stem, _) => stem,
         (true, _, _) => full.file_name(),
     };
-    named.map_or_else(
-        || "checkpoint".to_owned(),
-        |name| name.to_string_lossy().into_owned(),
-    )
+    named.map_or_else(|| "checkpoint".to_owned(), |name| name.to_string_lossy().into_owned())
 }

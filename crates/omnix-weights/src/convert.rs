@@ -44,10 +44,7 @@ pub(crate) fn to_f16(dtype: Dtype, bytes: &[u8], out: &mut [f16]) {
         Dtype::F16 => read_bits(bytes, out.reinterpret_cast_mut()),
         Dtype::F32 | Dtype::BF16 | Dtype::F64 => {
             let mut values = [0.0f32; CHUNK];
-            for (o, b) in out
-                .chunks_mut(CHUNK)
-                .zip(bytes.chunks(CHUNK * dtype.size()))
-            {
+            for (o, b) in out.chunks_mut(CHUNK).zip(bytes.chunks(CHUNK * dtype.size())) {
                 let values = &mut values[..o.len()];
                 to_f32(dtype, b, values);
                 o.convert_from_f32_slice(values);
@@ -62,9 +59,7 @@ pub(crate) fn element(dtype: Dtype, bytes: &[u8]) -> f32 {
         (Dtype::F32, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
         (Dtype::F16, &[a, b]) => f16::from_le_bytes([a, b]).to_f32(),
         (Dtype::BF16, &[a, b]) => bf16::from_le_bytes([a, b]).to_f32(),
-        (Dtype::F64, &[a, b, c, d, e, f, g, h]) => {
-            f64::from_le_bytes([a, b, c, d, e, f, g, h]) as f32
-        }
+        (Dtype::F64, &[a, b, c, d, e, f, g, h]) => f64::from_le_bytes([a, b, c, d, e, f, g, h]) as f32,
         _ => unreachable!("BUG: an element of {dtype} in {} bytes", bytes.len()),
     }
 }

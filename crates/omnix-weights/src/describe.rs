@@ -3,26 +3,17 @@
 use crate::Checkpoint;
 
 /// Published networks by width and number of blocks (`spec/da3.md` section 1).
-const SIZES: [(usize, usize, &str); 4] = [
-    (384, 12, "small"),
-    (768, 12, "base"),
-    (1024, 24, "large"),
-    (1536, 40, "giant"),
-];
+const SIZES: [(usize, usize, &str); 4] =
+    [(384, 12, "small"), (768, 12, "base"), (1024, 24, "large"), (1536, 40, "giant")];
 
 /// Says what a checkpoint seems to be, such as `Depth Anything 3, any-view, width 384, 12 blocks (small)`.
 #[must_use]
 pub fn describe(checkpoint: &Checkpoint) -> String {
     let has = |start: &str| {
         let start = format!("{}{start}", checkpoint.key_prefix());
-        checkpoint
-            .tensors()
-            .any(|(name, _)| name.starts_with(&start))
+        checkpoint.tensors().any(|(name, _)| name.starts_with(&start))
     };
-    let Some(width) = checkpoint
-        .info("backbone.pretrained.cls_token")
-        .and_then(|t| t.shape.last().copied())
-    else {
+    let Some(width) = checkpoint.info("backbone.pretrained.cls_token").and_then(|t| t.shape.last().copied()) else {
         return unknown(checkpoint);
     };
     let blocks = count_blocks(checkpoint);
@@ -40,19 +31,9 @@ pub fn describe(checkpoint: &Checkpoint) -> String {
     } else {
         ""
     };
-    let size = SIZES
-        .iter()
-        .find(|(w, b, _)| (*w, *b) == (width, blocks))
-        .map(|(.., name)| format!(" ({name})"));
-    let gaussian = if has("gs_head.") {
-        ", with a Gaussian head"
-    } else {
-        ""
-    };
-    format!(
-        "{family}{kind}, width {width}, {blocks} blocks{}{gaussian}",
-        size.unwrap_or_default()
-    )
+    let size = SIZES.iter().find(|(w, b, _)| (*w, *b) == (width, blocks)).map(|(.., name)| format!(" ({name})"));
+    let gaussian = if has("gs_head.") { ", with a Gaussian head" } else { "" };
+    format!("{family}{kind}, width {width}, {blocks} blocks{}{gaussian}", size.unwrap_or_default())
 }
 
 fn count_blocks(checkpoint: &Checkpoint) -> usize {
@@ -69,9 +50,6 @@ fn unknown(checkpoint: &Checkpoint) -> String {
     if first.is_empty() {
         "empty".to_owned()
     } else {
-        format!(
-            "neither Depth Anything 3 nor OmniX (its tensors begin with {})",
-            first.join(", ")
-        )
+        format!("neither Depth Anything 3 nor OmniX (its tensors begin with {})", first.join(", "))
     }
 }

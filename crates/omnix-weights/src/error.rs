@@ -153,18 +153,10 @@ pub enum WeightsError {
 
 impl WeightsError {
     pub(crate) fn io(action: &'static str, path: &std::path::Path, source: std::io::Error) -> Self {
-        Self::Io {
-            action,
-            path: path.to_owned(),
-            source,
-        }
+        Self::Io { action, path: path.to_owned(), source }
     }
 }
 
 fn found_files(found: &[String]) -> String {
-    if found.is_empty() {
-        String::new()
-    } else {
-        format!(" (but {}; give that file's path instead)", found.join(", "))
-    }
+    if found.is_empty() { String::new() } else { format!(" (but {}; give that file's path instead)", found.join(", ")) }
 }

@@ -51,9 +51,7 @@ impl TensorFile {
     /// When the file is absent, unreadable, something other than safetensors, or of another length than its header says.
     pub fn open(path: &Path) -> Result<Self, WeightsError> {
         if !path.is_file() {
-            return Err(WeightsError::NotFound {
-                path: path.to_owned(),
-            });
+            return Err(WeightsError::NotFound { path: path.to_owned() });
         }
         Self::new(Bytes::map(path)?, path)
     }
@@ -68,19 +66,12 @@ impl TensorFile {
 
     fn new(bytes: Bytes, path: &Path) -> Result<Self, WeightsError> {
         let header = header::parse(&bytes, path)?;
-        Ok(Self {
-            bytes,
-            header,
-            path: path.to_owned(),
-        })
+        Ok(Self { bytes, header, path: path.to_owned() })
     }
 
     /// The tensors by full name, in the order of their names.
     pub fn tensors(&self) -> impl ExactSizeIterator<Item = (&str, &TensorInfo)> {
-        self.header
-            .tensors
-            .iter()
-            .map(|(name, info)| (name.as_str(), info))
+        self.header.tensors.iter().map(|(name, info)| (name.as_str(), info))
     }
 
     /// What the header says of a tensor.
@@ -100,20 +91,15 @@ impl TensorFile {
     /// # Errors
     /// When there is none, or when its elements are not F32, F16, BF16 or F64.
     pub fn tensor(&self, name: &str) -> Result<TensorView<'_>, WeightsError> {
-        let info = self.info(name).ok_or_else(|| WeightsError::TensorMissing {
-            tensor: name.to_owned(),
-            path: self.path.clone(),
-        })?;
+        let info = self
+            .info(name)
+            .ok_or_else(|| WeightsError::TensorMissing { tensor: name.to_owned(), path: self.path.clone() })?;
         let dtype = Dtype::parse(&info.dtype).ok_or_else(|| WeightsError::UnsupportedDtype {
             tensor: name.to_owned(),
             dtype: info.dtype.clone(),
             path: self.path.clone(),
         })?;
-        Ok(TensorView {
-            shape: &info.shape,
-            dtype,
-            bytes: &self.bytes[info.range.clone()],
-        })
+        Ok(TensorView { shape: &info.shape, dtype, bytes: &self.bytes[info.range.clone()] })
     }
 
     /// The bytes of a tensor of any type, as stored.

@@ -25,10 +25,7 @@ pub(crate) struct Header {
 
 /// Parses and checks a header against the length of `bytes`, the whole file.
 pub(crate) fn parse(bytes: &[u8], path: &Path) -> Result<Header, WeightsError> {
-    let not = |reason: String| WeightsError::NotSafetensors {
-        path: path.to_owned(),
-        reason,
-    };
+    let not = |reason: String| WeightsError::NotSafetensors { path: path.to_owned(), reason };
     recognise_others(bytes, path)?;
     let Some((length, rest)) = bytes.split_first_chunk::<8>() else {
         return Err(not(format!("it has only {} bytes", bytes.len())));
@@ -49,10 +46,7 @@ pub(crate) fn parse(bytes: &[u8], path: &Path) -> Result<Header, WeightsError> {
     let json: Map<String, Value> =
         serde_json::from_slice(json).map_err(|e| not(format!("its header is not JSON: {e}")))?;
 
-    let mut header = Header {
-        tensors: BTreeMap::new(),
-        metadata: BTreeMap::new(),
-    };
+    let mut header = Header { tensors: BTreeMap::new(), metadata: BTreeMap::new() };
     for (name, entry) in json {
         if name == "__metadata__" {
             let Value::Object(entries) = entry else {
@@ -84,9 +78,7 @@ fn recognise_others(bytes: &[u8], path: &Path) -> Result<(), WeightsError> {
     }
     // A zip archive (torch.save since 1.6) or a bare pickle of protocol 2 (before).
     if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"\x80\x02") {
-        return Err(WeightsError::PyTorch {
-            path: path.to_owned(),
-        });
+        return Err(WeightsError::PyTorch { path: path.to_owned() });
     }
     let reason = if bytes.is_empty() {
         "it is empty"
@@ -97,28 +89,19 @@ fn recognise_others(bytes: &[u8], path: &Path) -> Result<(), WeightsError> {
     } else {
         return Ok(());
     };
-    Err(WeightsError::NotSafetensors {
-        path: path.to_owned(),
-        reason: reason.to_owned(),
-    })
+    Err(WeightsError::NotSafetensors { path: path.to_owned(), reason: reason.to_owned() })
 }
 
 /// One entry; its range still counts from the start of the data.
 fn tensor_entry(entry: &Value) -> Result<TensorInfo, String> {
-    let dtype = entry
-        .get("dtype")
-        .and_then(Value::as_str)
-        .ok_or("it has no dtype")?;
+    let dtype = entry.get("dtype").and_then(Value::as_str).ok_or("it has no dtype")?;
     let shape = numbers(entry.get("shape")).ok_or("its shape is no list of sizes")?;
-    let offsets =
-        numbers(entry.get("data_offsets")).ok_or("its data_offsets are no list of numbers")?;
+    let offsets = numbers(entry.get("data_offsets")).ok_or("its data_offsets are no list of numbers")?;
     let [begin, end] = offsets[..] else {
         return Err("its data_offsets are not two numbers".to_owned());
     };
     if begin > end {
-        return Err(format!(
-            "its data ends at {end}, before it begins at {begin}"
-        ));
+        return Err(format!("its data ends at {end}, before it begins at {begin}"));
     }
     let elements = shape
         .iter()
@@ -127,23 +110,14 @@ fn tensor_entry(entry: &Value) -> Result<TensorInfo, String> {
     if let Some(size) = element_size(dtype)
         && elements.checked_mul(size) != Some(end - begin)
     {
-        return Err(format!(
-            "{dtype} of shape {shape:?} does not fill its {} bytes",
-            end - begin
-        ));
+        return Err(format!("{dtype} of shape {shape:?} does not fill its {} bytes", end - begin));
     }
-    Ok(TensorInfo {
-        dtype: dtype.to_owned(),
-        shape,
-        range: begin..end,
-    })
+    Ok(TensorInfo { dtype: dtype.to_owned(), shape, range: begin..end })
 }
 
 fn numbers(value: Option<&Value>) -> Option<Vec<usize>> {
     let list = value?.as_array()?;
-    list.iter()
-        .map(|n| n.as_u64().and_then(|n| usize::try_from(n).ok()))
-        .collect()
+    list.iter().map(|n| n.as_u64().and_then(|n| usize::try_from(n).ok())).collect()
 }
 
 /// Bytes of an element of the types whose size is a whole number of bytes; none for types unknown here.
@@ -158,30 +132,19 @@ fn element_size(dtype: &str) -> Option<usize> {
 }
 
 /// Checks that the tensors cover the data exactly, and moves their ranges by `start`, where the data begins.
-fn check_cover(
-    header: &mut Header,
-    start: u64,
-    found: u64,
-    path: &Path,
-) -> Result<(), WeightsError> {
+fn check_cover(header: &mut Header, start: u64, found: u64, path: &Path) -> Result<(), WeightsError> {
     let bad = |tensor: &str, reason: String| WeightsError::BadHeader {
         path: path.to_owned(),
         tensor: tensor.to_owned(),
         reason,
     };
-    let mut ranges: Vec<(Range<usize>, &str)> = header
-        .tensors
-        .iter()
-        .map(|(name, info)| (info.range.clone(), name.as_str()))
-        .collect();
+    let mut ranges: Vec<(Range<usize>, &str)> =
+        header.tensors.iter().map(|(name, info)| (info.range.clone(), name.as_str())).collect();
     ranges.sort_by_key(|(range, _)| (range.start, range.end));
     let mut covered = 0;
     for (range, name) in &ranges {
         if range.start != covered {
-            return Err(bad(
-                name,
-                format!("its data begins at {} instead of {covered}", range.start),
-            ));
+            return Err(bad(name, format!("its data begins at {} instead of {covered}", range.start)));
         }
         covered = range.end;
     }
@@ -189,11 +152,7 @@ fn check_cover(
     if end != found {
         // Saturating: a hostile header may name any offset; the numbers only go into the message.
         let (expected, found) = (start.saturating_add(end), start + found);
-        return Err(WeightsError::WrongLength {
-            path: path.to_owned(),
-            expected,
-            found,
-        });
+        return Err(WeightsError::WrongLength { path: path.to_owned(), expected, found });
     }
     // No overflow: every range ends within the file, and `start` is below its length.
     let start = start as usize;

@@ -66,11 +66,7 @@ impl Manifest {
     }
 
     fn push(&mut self, name: String, shape: &[usize], requirement: Requirement) -> &mut Self {
-        self.expected.push(Expected {
-            name,
-            shape: shape.to_vec(),
-            requirement,
-        });
+        self.expected.push(Expected { name, shape: shape.to_vec(), requirement });
         self
     }
 }
@@ -116,12 +112,7 @@ pub fn check(checkpoint: &Checkpoint, manifest: &Manifest) -> CheckReport {
         ..CheckReport::default()
     };
     let mut used = BTreeSet::new();
-    for Expected {
-        name,
-        shape,
-        requirement,
-    } in manifest.expected()
-    {
+    for Expected { name, shape, requirement } in manifest.expected() {
         let full = checkpoint.resolve(name);
         let Some((full, info)) = full.and_then(|full| Some((full, checkpoint.info(name)?))) else {
             if *requirement == Requirement::Required {
@@ -140,18 +131,10 @@ pub fn check(checkpoint: &Checkpoint, manifest: &Manifest) -> CheckReport {
             report.unsupported.push((name.clone(), info.dtype.clone()));
         }
     }
-    for (full, _) in checkpoint
-        .tensors()
-        .filter(|(full, _)| !used.contains(*full))
-    {
+    for (full, _) in checkpoint.tensors().filter(|(full, _)| !used.contains(*full)) {
         match full.strip_prefix(checkpoint.key_prefix()) {
             None => report.ignored.push(full.to_owned()),
-            Some(name)
-                if manifest
-                    .ignored
-                    .iter()
-                    .any(|start| name.starts_with(start.as_str())) =>
-            {
+            Some(name) if manifest.ignored.iter().any(|start| name.starts_with(start.as_str())) => {
                 report.ignored.push(name.to_owned());
             }
             Some(name) => report.surplus.push(name.to_owned()),
@@ -172,26 +155,14 @@ impl CheckReport {
     /// # Errors
     /// [`WeightsError::Mismatch`] naming the first differences of each kind, their number, and what the file seems to be.
     pub fn into_result(self) -> Result<Self, WeightsError> {
-        if self.is_usable() {
-            Ok(self)
-        } else {
-            Err(WeightsError::Mismatch {
-                report: Box::new(self),
-            })
-        }
+        if self.is_usable() { Ok(self) } else { Err(WeightsError::Mismatch { report: Box::new(self) }) }
     }
 }
 
 impl fmt::Display for CheckReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let shapes = self
-            .wrong_shape
-            .iter()
-            .map(|w| format!("{} {:?} instead of {:?}", w.name, w.found, w.expected));
-        let types = self
-            .unsupported
-            .iter()
-            .map(|(name, dtype)| format!("{name} {dtype}"));
+        let shapes = self.wrong_shape.iter().map(|w| format!("{} {:?} instead of {:?}", w.name, w.found, w.expected));
+        let types = self.unsupported.iter().map(|(name, dtype)| format!("{name} {dtype}"));
         let parts = [
             list("missing", self.missing.iter().cloned()),
             list("of another shape", shapes),

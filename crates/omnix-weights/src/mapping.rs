@@ -21,15 +21,11 @@ impl Bytes {
     /// Maps a whole file. An empty file gives no bytes and no mapping.
     pub(crate) fn map(path: &Path) -> Result<Self, WeightsError> {
         let file = File::open(path).map_err(|e| WeightsError::io("open the weights", path, e))?;
-        let meta = file
-            .metadata()
-            .map_err(|e| WeightsError::io("read the size of the weights", path, e))?;
+        let meta = file.metadata().map_err(|e| WeightsError::io("read the size of the weights", path, e))?;
         if meta.len() == 0 {
             return Ok(Self::Memory(Cow::Borrowed(&[])));
         }
-        map_file(&file)
-            .map(Self::Mapped)
-            .map_err(|e| WeightsError::io("map the weights", path, e))
+        map_file(&file).map(Self::Mapped).map_err(|e| WeightsError::io("map the weights", path, e))
     }
 }
 
@@ -44,10 +40,7 @@ impl std::ops::Deref for Bytes {
     }
 }
 
-#[expect(
-    unsafe_code,
-    reason = "a mapping is the only way to read weights larger than memory without copying them"
-)]
+#[expect(unsafe_code, reason = "a mapping is the only way to read weights larger than memory without copying them")]
 fn map_file(file: &File) -> std::io::Result<Mmap> {
     // SAFETY: the mapping is read-only and private to this process, and no reference into it outlives the `Mmap`. What
     // stays outside our control is another process that changes the file meanwhile: its bytes are only ever read as

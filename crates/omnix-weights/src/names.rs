@@ -38,19 +38,13 @@ impl Scope {
     /// The scope `part` (a name or a number, which may contain dots) below this one.
     #[must_use]
     pub fn pp(&self, part: impl Display) -> Self {
-        Self {
-            path: self.name(part),
-        }
+        Self { path: self.name(part) }
     }
 
     /// The full name of `leaf` in this scope.
     #[must_use]
     pub fn name(&self, leaf: impl Display) -> String {
-        if self.path.is_empty() {
-            leaf.to_string()
-        } else {
-            format!("{}.{leaf}", self.path)
-        }
+        if self.path.is_empty() { leaf.to_string() } else { format!("{}.{leaf}", self.path) }
     }
 
     /// The scope's own path, without a dot at its end; empty for the root.
@@ -76,10 +70,7 @@ pub fn detect_prefix<'a>(
     let mut best = None;
     let mut most = 0;
     for prefix in candidates {
-        let hits = expected
-            .iter()
-            .filter(|name| contains(&format!("{prefix}{name}")))
-            .count();
+        let hits = expected.iter().filter(|name| contains(&format!("{prefix}{name}"))).count();
         if hits > most {
             (best, most) = (Some(prefix), hits);
         }
@@ -99,9 +90,7 @@ pub fn alias(full: &str, metadata: &BTreeMap<String, String>) -> Option<String> 
     }
     const SHARED: &str = "head.scratch.output_conv2_aux.";
     let (before, after) = full.split_once(SHARED)?;
-    let leaf = ["1.2.", "2.2.", "3.2."]
-        .iter()
-        .find_map(|level| after.strip_prefix(level))?;
+    let leaf = ["1.2.", "2.2.", "3.2."].iter().find_map(|level| after.strip_prefix(level))?;
     Some(format!("{before}{SHARED}0.2.{leaf}"))
 }
 
@@ -122,28 +111,16 @@ mod tests {
         let stored = ["net.a", "net.b", "a"];
         let found = detect_prefix(PREFIXES, &["a", "b"], |n| stored.contains(&n));
         assert_eq!(found, Some("net."));
-        assert_eq!(
-            detect_prefix(PREFIXES, &["c"], |n| stored.contains(&n)),
-            None
-        );
+        assert_eq!(detect_prefix(PREFIXES, &["c"], |n| stored.contains(&n)), None);
     }
 
     #[test]
     fn dropped_names_lead_to_level_zero() {
         let none = BTreeMap::new();
         let full = "model.head.scratch.output_conv2_aux.3.2.bias";
-        assert_eq!(
-            alias(full, &none).as_deref(),
-            Some("model.head.scratch.output_conv2_aux.0.2.bias")
-        );
-        assert_eq!(
-            alias("model.head.scratch.output_conv2_aux.3.0.bias", &none),
-            None
-        );
-        assert_eq!(
-            alias("model.head.scratch.output_conv2_aux.0.2.bias", &none),
-            None
-        );
+        assert_eq!(alias(full, &none).as_deref(), Some("model.head.scratch.output_conv2_aux.0.2.bias"));
+        assert_eq!(alias("model.head.scratch.output_conv2_aux.3.0.bias", &none), None);
+        assert_eq!(alias("model.head.scratch.output_conv2_aux.0.2.bias", &none), None);
         let metadata = BTreeMap::from([("x".to_owned(), "y".to_owned())]);
         assert_eq!(alias("x", &metadata).as_deref(), Some("y"));
     }

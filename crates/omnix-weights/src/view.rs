@@ -86,9 +86,7 @@ impl<'a> TensorView<'a> {
     /// Elements one by one as f32, without a buffer of the whole.
     pub fn f32_iter(&self) -> impl Iterator<Item = f32> + use<'a> {
         let dtype = self.dtype;
-        self.bytes
-            .chunks_exact(dtype.size())
-            .map(move |element| convert::element(dtype, element))
+        self.bytes.chunks_exact(dtype.size()).map(move |element| convert::element(dtype, element))
     }
 
     /// Converts the elements `range` (counted in row-major order) into `out`, for tensors too large to convert at once.
@@ -115,11 +113,7 @@ impl<'a> TensorView<'a> {
     fn bytes_of(&self, range: Range<usize>, destination: usize) -> Result<&'a [u8], WeightsError> {
         let elements = self.elements();
         if range.start > range.end || range.end > elements || range.len() != destination {
-            return Err(WeightsError::BadRange {
-                range,
-                elements,
-                destination,
-            });
+            return Err(WeightsError::BadRange { range, elements, destination });
         }
         let size = self.dtype.size();
         Ok(&self.bytes[range.start * size..range.end * size])

@@ -67,7 +67,7 @@ pub fn metadata(root: &Path) -> Result<Value, XtaskError> {
     serde_json::from_str(&text).map_err(|error| XtaskError::Metadata { what: error.to_string() })
 }
 
-/// All arrows between the workspace's packages are allowed ones, and those of [`NO_DEVICE`] never reach wgpu.
+/// All arrows between the workspace's packages are allowed ones, and those that run without a GPU never reach wgpu.
 ///
 /// # Errors
 /// [`XtaskError::Metadata`] when `metadata` lacks a field.

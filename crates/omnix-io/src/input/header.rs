@@ -61,12 +61,12 @@ fn scan(file: &mut File) -> io::Result<Scan> {
             _ => Scan::Other("a WebP file with an unknown first chunk".into()),
         });
     }
-    if head.starts_with(b"BM") && head.len() >= 18 {
+    if head.starts_with(b"BM") {
         return Ok(match le32(14)? {
             12 => Scan::Size(le16(18)?, le16(20)?),
             // A negative height means rows from the top down.
-            40.. => Scan::Size(le32(18)?, (le32(22)? as i32).unsigned_abs()),
-            _ => Scan::Other("a BMP file with an unknown header".into()),
+            16 | 40 | 52 | 56 | 64 | 108 | 124 => Scan::Size(le32(18)?, (le32(22)? as i32).unsigned_abs()),
+            _ => Scan::Other(describe(&head)),
         });
     }
     Ok(Scan::Other(describe(&head)))

@@ -42,10 +42,7 @@ impl<'a> FrameLoader<'a> {
     /// When the plan has no frame `index`: a fault of the caller.
     pub fn load(&mut self, index: usize) -> Result<Picture, IoError> {
         let frame = &self.plan.frames[index];
-        let Some(info) = self.plan.sources.iter().find_map(|s| match &s.kind {
-            SourceKind::Video(info) if s.video == frame.video => Some(info),
-            _ => None,
-        }) else {
+        let SourceKind::Video(info) = &self.plan.sources[frame.video as usize].kind else {
             return load_picture(&frame.path);
         };
         let mut reader = match self.open.take() {

@@ -62,9 +62,7 @@ pub fn load_picture(path: &Path) -> Result<Picture, IoError> {
     // The header walk gives the better message for files that are no pictures at all.
     header::image_size(path)?;
     let bytes = fs::read(path).map_err(|e| IoError::read(path, e))?;
-    if bytes.starts_with(&[0xff, 0xd8]) && !jpeg_has_end(&bytes) {
-        // The decoder would fill the missing part with grey and say nothing.
-        let detail = format!("no end-of-image marker in {} bytes", bytes.len());
+    if let Some(detail) = missing_end(&bytes) {
         return Err(IoError::TruncatedImage { detail, path: path.to_owned() });
     }
     let decode = |reason: String| IoError::ImageDecode { reason, path: path.to_owned() };
@@ -111,6 +109,20 @@ fn to_rgb8(image: DynamicImage) -> Vec<u8> {
         DynamicImage::ImageRgba16(i) => i.pixels().flat_map(|p| [high(p.0[0]), high(p.0[1]), high(p.0[2])]).collect(),
         other => other.into_rgb8().into_raw(),
     }
+}
+
+/// What tells that a file ends too early, where its decoder would not say so: JPEG's fills the rest with grey, WebP's speaks of
+/// damage.
+fn missing_end(bytes: &[u8]) -> Option<String> {
+    if bytes.starts_with(&[0xff, 0xd8]) && !jpeg_has_end(bytes) {
+        return Some(format!("no end-of-image marker in {} bytes", bytes.len()));
+    }
+    if bytes.starts_with(b"RIFF") && bytes.len() >= 8 {
+        let stated = 8 + u64::from(u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]));
+        let found = bytes.len() as u64;
+        return (found < stated).then(|| format!("{found} of {stated} bytes are there"));
+    }
+    None
 }
 
 /// Whether the entropy-coded part of a JPEG reaches an end-of-image marker. Thumbnails inside metadata have one of their own,

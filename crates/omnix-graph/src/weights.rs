@@ -1,0 +1,177 @@
+//! Parameters on the device: read once from the checkpoint, packed as their readers want them, in few buffers.
+
+use std::ops::ControlFlow;
+
+use omnix_kernels::caps::UNIFORM_WINDOW;
+use omnix_kernels::dispatch::round_up;
+use omnix_kernels::{BufferSlice, Gpu, WeightType};
+use rustc_hash::FxHashMap;
+
+use crate::error::GraphError;
+use crate::graph::Parameter;
+use crate::op::WeightForm;
+use crate::plan::packed_shape;
+
+/// Where parameters come from.
+pub trait ParameterSource {
+    /// All numbers of the tensor `name`, row-major.
+    ///
+    /// # Errors
+    /// Whatever keeps it from being read: missing, damaged, not finite.
+    fn read(&self, name: &str) -> Result<Vec<f32>, Box<dyn std::error::Error + Send + Sync>>;
+}
+
+/// How a parameter lies on the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Packing {
+    /// As in the checkpoint, f32.
+    Plain,
+    /// A transposed convolution's bias, once for each pixel of a block.
+    Repeat,
+    /// Blocks of 32 columns, see `omnix_kernels::packed`.
+    Matrix(WeightForm, WeightType),
+}
+
+/// One stored parameter.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct WeightKey {
+    /// What it is in the checkpoint.
+    pub parameter: Parameter,
+    /// How it is stored.
+    pub packing: Packing,
+}
+
+/// A repeated bias is stored for blocks of up to 4×4 pixels.
+const MAX_BLOCK: u64 = 16;
+
+impl WeightKey {
+    fn dims(&self) -> Vec<usize> {
+        let mut dims = self.parameter.full.to_vec();
+        if let Some(first) = dims.first_mut() {
+            *first = self.parameter.rows.len();
+        }
+        dims
+    }
+
+    /// Bytes on the device.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let elements = self.dims().iter().product::<usize>() as u64;
+        let bytes = match self.packing {
+            Packing::Plain => elements * 4,
+            Packing::Repeat => elements * 4 * MAX_BLOCK,
+            Packing::Matrix(form, storage) => packed_shape(&self.dims(), form, storage).bytes() - UNIFORM_WINDOW,
+        };
+        round_up(bytes, 256)
+    }
+
+    /// The stored bytes, from all numbers of the checkpoint's tensor.
+    fn pack(&self, all: &[f32]) -> Vec<u8> {
+        let row: usize = self.parameter.full.get(1..).map_or(1, |rest| rest.iter().product());
+        let data = &all[self.parameter.rows.start * row..self.parameter.rows.end * row];
+        let dims = self.dims();
+        match self.packing {
+            Packing::Plain => bytemuck::cast_slice(data).to_vec(),
+            Packing::Repeat => bytemuck::cast_slice(&data.repeat(MAX_BLOCK as usize)).to_vec(),
+            Packing::Matrix(form, storage) => {
+                let shape = packed_shape(&dims, form, storage);
+                let mut bytes = match form {
+                    WeightForm::Linear => shape.pack(|k, n| data[n * row + k]),
+                    WeightForm::Conv => {
+                        let (channels, taps) = (dims[1], dims[2] * dims[3]);
+                        shape.pack(|k, n| data[n * row + k % channels * taps + k / channels])
+                    }
+                    WeightForm::ConvTranspose => {
+                        let (out, taps) = (dims[1], dims[2] * dims[3]);
+                        shape.pack(|k, n| data[k * row + n % out * taps + n / out])
+                    }
+                };
+                bytes.truncate(self.bytes() as usize);
+                bytes
+            }
+        }
+    }
+}
+
+/// Parameters uploaded to one device; several plans may share them.
+#[derive(Debug)]
+pub struct WeightStore {
+    slices: FxHashMap<WeightKey, BufferSlice>,
+    bytes: u64,
+}
+
+/// Weights are put into buffers of about this size.
+const PAGE: u64 = 256 << 20;
+/// Uploads are submitted and waited for in pieces of this size, so that staging memory stays small.
+const FLUSH: u64 = 32 << 20;
+
+impl WeightStore {
+    /// Reads, packs and uploads `keys`; `progress` hears bytes done and in all, and may break off.
+    ///
+    /// # Errors
+    /// When a tensor cannot be read, memory runs out, or `progress` broke off ([`GraphError::Interrupted`]).
+    pub fn load(
+        gpu: &Gpu,
+        source: &dyn ParameterSource,
+        keys: &[WeightKey],
+        progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+    ) -> Result<Self, GraphError> {
+        let mut distinct: Vec<&WeightKey> = Vec::new();
+        let mut seen = rustc_hash::FxHashSet::default();
+        distinct.extend(keys.iter().filter(|k| seen.insert(*k)));
+        let total = distinct.iter().map(|k| k.bytes()).sum();
+        let mut store = Self { slices: FxHashMap::default(), bytes: 0 };
+        let (mut done, mut unflushed) = (0, 0);
+        let mut rest = distinct.as_slice();
+        while !rest.is_empty() {
+            let (count, bytes) = page(rest, gpu.caps.max_buffer.min(PAGE));
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+            let buffer = gpu.buffer("weights", bytes + UNIFORM_WINDOW, usage)?;
+            store.bytes += buffer.size();
+            let mut offset = 0;
+            for key in &rest[..count] {
+                let read = source.read(&key.parameter.name);
+                let numbers = read.map_err(|source| GraphError::Parameter { name: key.parameter.name.to_string(), source })?;
+                let packed = key.pack(&numbers);
+                gpu.queue.write_buffer(&buffer, offset, &packed);
+                store.slices.insert((*key).clone(), BufferSlice { buffer: buffer.clone(), offset, size: key.bytes() });
+                offset += key.bytes();
+                done += key.bytes();
+                unflushed += key.bytes();
+                if unflushed >= FLUSH {
+                    gpu.queue.submit([]);
+                    gpu.wait()?;
+                    unflushed = 0;
+                }
+                if progress(done, total).is_break() {
+                    return Err(GraphError::Interrupted);
+                }
+            }
+            rest = &rest[count..];
+        }
+        gpu.queue.submit([]);
+        gpu.wait()?;
+        Ok(store)
+    }
+
+    /// Bytes on the device.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    pub(crate) fn get(&self, key: &WeightKey) -> Option<&BufferSlice> {
+        self.slices.get(key)
+    }
+}
+
+/// How many of `keys` go into the next buffer, and their bytes.
+fn page(keys: &[&WeightKey], limit: u64) -> (usize, u64) {
+    let mut bytes = keys[0].bytes();
+    let mut count = 1;
+    while count < keys.len() && bytes + keys[count].bytes() + UNIFORM_WINDOW <= limit {
+        bytes += keys[count].bytes();
+        count += 1;
+    }
+    (count, bytes)
+}

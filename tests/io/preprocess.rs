@@ -1,0 +1,126 @@
+//! Preprocessing against recorded pictures of both references.
+
+use omnix_io::preprocess::{
+    Da3Preprocess, OmnixPreprocess, ResizeMethod, centre_crop, common_size, exported_picture, normalise,
+};
+use safetensors::SafeTensors;
+
+use crate::common::{data, floats, pattern, picture, shared};
+
+/// Largest difference and how many samples differ.
+fn difference(a: &[u8], b: &[u8]) -> (u8, usize) {
+    assert_eq!(a.len(), b.len());
+    let differences = a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
+    (differences.clone().max().unwrap(), differences.filter(|&d| d > 0).count())
+}
+
+fn check_da3(bytes: &[u8]) -> usize {
+    let tensors = SafeTensors::deserialize(bytes).unwrap();
+    let mut cases: Vec<&str> = tensors.names().iter().filter_map(|n| n.strip_suffix(".in_rgb")).collect();
+    cases.sort_unstable();
+    for case in &cases {
+        let mut parts = case.split('.').skip(1);
+        let method: ResizeMethod = parts.next().unwrap().parse().unwrap();
+        let process_res = parts.next().unwrap().parse().unwrap();
+        let input = picture(&tensors, &format!("{case}.in_rgb"));
+        let expected = picture(&tensors, &format!("{case}.out_rgb"));
+        let k: Vec<f32> = floats(&tensors, &format!("{case}.in_intrinsics"));
+        let k = [[k[0], k[1], k[2]], [k[3], k[4], k[5]], [k[6], k[7], k[8]]];
+        let settings = Da3Preprocess { process_res, method };
+        let out = settings.apply(&input, Some(k)).unwrap();
+        let size = (out.picture.width, out.picture.height);
+        assert_eq!(size, (expected.width, expected.height), "{case}");
+        assert_eq!(settings.output_size(input.width, input.height).unwrap(), size, "{case}: planned size");
+        let (worst, count) = difference(&out.picture.data, &expected.data);
+        assert!(worst <= 1 && count <= 2, "{case}: {count} samples differ by up to {worst}");
+        let k = out.intrinsics.unwrap().concat();
+        for (a, b) in k.iter().zip(floats(&tensors, &format!("{case}.out_intrinsics"))) {
+            assert!((a - b).abs() <= 1e-5 * b.abs().max(1.0), "{case}: intrinsics {a} {b}");
+        }
+        if tensors.tensor(&format!("{case}.out")).is_ok() {
+            let expected_out = floats(&tensors, &format!("{case}.out"));
+            let mut out = vec![0.0; expected_out.len()];
+            normalise(&expected, &mut out);
+            let worst = out.iter().zip(&expected_out).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(worst <= 1e-6, "{case}: normalised values differ by {worst}");
+        }
+    }
+    if tensors.tensor("prebatch.in0").is_ok() {
+        check_batch(&tensors);
+    }
+    cases.len()
+}
+
+fn check_batch(tensors: &SafeTensors<'_>) {
+    let settings = Da3Preprocess { process_res: 98, method: ResizeMethod::default() };
+    let run = |n: usize| settings.apply(&picture(tensors, &format!("prebatch.in{n}")), None).unwrap();
+    let outs = [run(0), run(1)];
+    let size = common_size(outs.iter().map(|o| (o.picture.width, o.picture.height))).unwrap();
+    assert_eq!(size, (98, 56));
+    let mut values = Vec::new();
+    for out in outs {
+        let out = centre_crop(out, size).picture;
+        let mut plane = vec![0.0; 3 * 98 * 56];
+        normalise(&out, &mut plane);
+        values.extend(plane);
+    }
+    let expected = floats(tensors, "prebatch.out");
+    let worst = values.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(worst <= 1.01 / 255.0 / 0.224, "batch: {worst}");
+}
+
+#[test]
+fn depth_anything_3_goldens() {
+    assert_eq!(check_da3(&std::fs::read(data("da3_preprocess.safetensors")).unwrap()), 4);
+    if let Some(path) = shared("golden/da3/tiny-a/preprocess.safetensors") {
+        assert_eq!(check_da3(&std::fs::read(path).unwrap()), 8);
+    }
+}
+
+fn check_omnix(bytes: &[u8]) -> usize {
+    let tensors = SafeTensors::deserialize(bytes).unwrap();
+    let mut cases: Vec<&str> = tensors.names().iter().filter_map(|n| n.strip_suffix(".input")).collect();
+    cases.sort_unstable();
+    for case in &cases {
+        let expected = picture(&tensors, &format!("{case}.output"));
+        let settings = OmnixPreprocess { width: expected.width, height: expected.height };
+        let out = settings.apply(&picture(&tensors, &format!("{case}.input"))).unwrap();
+        assert_eq!(difference(&out.data, &expected.data), (0, 0), "{case}");
+    }
+    cases.len()
+}
+
+#[test]
+fn omnix_goldens_byte_for_byte() {
+    assert_eq!(check_omnix(&std::fs::read(data("omnix_resize.safetensors")).unwrap()), 4);
+    if let Some(path) = shared("golden/omnix/preprocess/resize.safetensors") {
+        assert_eq!(check_omnix(&std::fs::read(path).unwrap()), 6);
+    }
+}
+
+#[test]
+fn three_pixels_wide() {
+    let settings = Da3Preprocess::default();
+    for (w, h) in [(3, 1000), (1000, 3), (3, 3), (3, 40), (1, 1)] {
+        let out = settings.apply(&pattern(w, h), None).unwrap().picture;
+        assert!(out.width % 14 == 0 && out.height % 14 == 0, "{w} x {h} became {} x {}", out.width, out.height);
+    }
+    let crop = Da3Preprocess { method: ResizeMethod::UpperBoundCrop, ..settings };
+    let message = crop.apply(&pattern(3, 1000), None).unwrap_err().to_string();
+    assert!(message.contains("3 x 1000") && message.contains("use a resize method"), "{message}");
+    let lower = Da3Preprocess { method: ResizeMethod::LowerBoundResize, ..settings };
+    let message = lower.output_size(3, 100_000).unwrap_err().to_string();
+    assert!(message.contains("upper_bound"), "{message}");
+    assert_eq!(OmnixPreprocess::default().apply(&pattern(3, 40)).unwrap().width, 504);
+    assert!(OmnixPreprocess { width: 500, height: 280 }.apply(&pattern(30, 40)).is_err());
+    assert!(OmnixPreprocess::default().apply(&pattern(1, 20_000)).is_err());
+}
+
+#[test]
+fn exported_picture_truncates() {
+    let picture = pattern(64, 64);
+    let out = exported_picture(&picture);
+    let (worst, count) = difference(&picture.data, &out.data);
+    assert!(worst == 1 && count > 0, "{count} of the samples lower by {worst}");
+    assert!(picture.data.iter().zip(&out.data).all(|(a, b)| b <= a));
+}
