@@ -1,6 +1,32 @@
 //! Host structs against what naga sees: size, and every member's name and offset.
 
+use omnix_kernels::layout::{HostParams, Layout};
+use omnix_kernels::{attention, layer_norm, linear, reduce, softmax, split_heads};
 use omnix_shaders::ALL;
+
+/// The host's `Params` of every kernel.
+const HOST: &[(&str, Layout)] = &[
+    ("attention", attention::AttentionParams::LAYOUT),
+    ("layer_norm", layer_norm::LayerNormParams::LAYOUT),
+    ("linear", linear::LinearParams::LAYOUT),
+    ("reduce", reduce::ReduceParams::LAYOUT),
+    ("softmax", softmax::SoftmaxParams::LAYOUT),
+    ("split_heads", split_heads::SplitHeadsParams::LAYOUT),
+];
+
+#[test]
+fn host_params_have_the_layout_naga_reports() {
+    for shader in ALL {
+        let name = format!("{}/{}", shader.kernel, shader.variant);
+        let (_, host) = HOST
+            .iter()
+            .find(|(kernel, _)| *kernel == shader.kernel)
+            .unwrap_or_else(|| panic!("{name} is missing from the table in tests/kernels/layout.rs"));
+        let members: Vec<(&str, usize)> = shader.params.iter().map(|(n, offset)| (*n, *offset as usize)).collect();
+        assert_eq!(members, host.members, "{name}");
+        assert_eq!(shader.params_size as usize, host.size, "{name}");
+    }
+}
 
 #[test]
 fn params_fit_one_stride_and_no_shader_exceeds_the_baseline() {

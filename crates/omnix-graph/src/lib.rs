@@ -12,6 +12,7 @@ pub mod error;
 pub mod exec;
 pub mod fuse;
 pub mod graph;
+mod lower;
 pub mod memory;
 pub mod op;
 pub mod plan;

@@ -42,6 +42,8 @@ pub struct Plan {
     pub memory: MemoryPlan,
     /// The device's facts.
     pub caps: Caps,
+    /// How matrices are stored.
+    pub storage: WeightType,
     /// The parameters in the form they are stored, in order of first use.
     pub weights: Vec<WeightKey>,
 }
@@ -59,7 +61,7 @@ impl Plan {
         let segments = segments(&graph, caps.align);
         let (parts, memory) = fit(&graph, &segments, options, caps.max_buffer)?;
         let weights = weights(&graph, options.storage);
-        Ok(Self { graph, segments, parts, memory, caps: caps.clone(), weights })
+        Ok(Self { graph, segments, parts, memory, caps: caps.clone(), storage: options.storage, weights })
     }
 
     /// Bytes of the weights.

@@ -13,12 +13,18 @@ pub mod cpu;
 pub mod dispatch;
 pub mod error;
 pub mod gpu;
+pub mod layout;
 pub mod packed;
 pub mod program;
 pub mod run;
 
 mod activation;
+pub mod attention;
+pub mod layer_norm;
 pub mod linear;
+pub mod reduce;
+pub mod softmax;
+pub mod split_heads;
 
 pub use activation::Activation;
 pub use caps::{Caps, Tier};

@@ -55,8 +55,11 @@ pub struct LinearParams {
     act: u32,
     flags: u32,
     k_packed: u32,
-    pad: [u32; 2],
+    pad0: u32,
+    pad1: u32,
 }
+
+crate::layout::layout!(LinearParams { m, n, k, n0, k0, k_len, blocks, act, flags, k_packed, pad0, pad1 });
 
 const HAS_BIAS: u32 = 1;
 const HAS_GAMMA: u32 = 2;
@@ -116,7 +119,8 @@ impl Linear {
                 if k0 + k_len == w.k {
                     flags |= LAST;
                 }
-                let offset = u64::from(block) * w.block_bytes() + u64::from(k0) / w.storage.k_per_row() * WeightType::ROW_BYTES;
+                let offset =
+                    u64::from(block) * w.block_bytes() + u64::from(k0) / w.storage.k_per_row() * WeightType::ROW_BYTES;
                 let window = W.window(offset, UNIFORM_WINDOW);
                 let groups = m.div_ceil(16) * u64::from(blocks);
                 out.push(self.dispatch(shader, row0, m, window, (block, blocks), (k0, k_len), flags, groups));
@@ -177,7 +181,8 @@ impl Linear {
             act: self.act as u32,
             flags: flags | set(self.bias, HAS_BIAS) | set(self.gamma, HAS_GAMMA) | set(self.residual, HAS_RESIDUAL),
             k_packed: self.weights.k_packed(),
-            pad: [0; 2],
+            pad0: 0,
+            pad1: 0,
         };
         let rows = |arg: Arg, width: u32| arg.window(row0 * u64::from(width) * 4, m * u64::from(width) * 4);
         let residual = if self.residual { rows(RESIDUAL, n) } else { Arg::ABSENT.into() };

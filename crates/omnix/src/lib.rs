@@ -1,1 +1,52 @@
-//! See ARCHITECTURE.md.
+//! Any-view reconstruction on any GPU: images of a scene in; depth, confidence, cameras and rays out.
+//!
+//! The engine runs on a `wgpu::Device` that the host lends it, knows its memory before it runs, and hands out
+//! results image by image, on the device or on the host.
+//!
+//! ```no_run
+//! use omnix::{Engine, Request, RunPlan, Session, Weights};
+//!
+//! # fn main() -> Result<(), omnix::OmnixError> {
+//! let weights = Weights::builtin()?;
+//! let engine = Engine::open(None)?; // or Engine::new(&device, &queue)
+//! let request = Request::new(2, 84, 140);
+//! let plan = RunPlan::new(&weights, &request, engine.caps())?;
+//! println!("needs {} MiB", plan.peak_bytes() >> 20);
+//! let mut session = Session::new(&engine, &weights, plan, &mut omnix::quiet())?;
+//! session.set_image(0, &vec![0.0; 3 * 84 * 140])?;
+//! session.set_image(1, &vec![0.0; 3 * 84 * 140])?;
+//! session.run(&mut omnix::quiet(), &mut |frame| {
+//!     println!("image {}: {} depths", frame.index, frame.depth.len());
+//!     Ok(())
+//! })?;
+//! # Ok(())
+//! # }
+//! ```
+
+mod engine;
+mod error;
+mod plan;
+mod progress;
+mod request;
+mod session;
+mod weights;
+
+pub use engine::{DeviceInfo, Engine};
+pub use error::OmnixError;
+pub use omnix_geometry::{AlignTo, Camera};
+pub use omnix_kernels::{Caps, Tier, WeightType};
+pub use omnix_model::backbone::ReferenceChoice;
+pub use plan::{PlanSummary, RunPlan};
+pub use progress::{Phase, Progress, quiet};
+pub use request::Request;
+pub use session::{FrameGeometry, Session};
+pub use weights::Weights;
+
+/// File inputs and outputs: frames of videos and folders, preprocessing, export formats.
+pub use omnix_io as io;
+pub use omnix_geometry as geometry;
+pub use omnix_graph as graph;
+pub use omnix_kernels as kernels;
+pub use omnix_model as model;
+pub use omnix_weights as checkpoint;
+pub use wgpu;

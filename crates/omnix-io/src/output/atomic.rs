@@ -44,17 +44,12 @@ impl AtomicFile {
         Ok(Self { out: BufWriter::with_capacity(1 << 20, file), path })
     }
 
-    /// The name it will get.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// Writes bytes, naming the file on failure.
     pub(super) fn put(&mut self, bytes: &[u8]) -> Result<(), IoError> {
         self.out.write_all(bytes).map_err(|e| IoError::write(&self.path, e))
     }
 
-    /// The writer, for encoders; wrap their errors with [`IoError::write`] and [`AtomicFile::path`].
+    /// The writer, for encoders; wrap their errors with [`IoError::write`].
     pub(super) fn writer(&mut self) -> &mut (impl Write + Seek + use<>) {
         &mut self.out
     }

@@ -48,22 +48,22 @@ impl Camera {
     }
 
     /// Camera point of pixel (u, v) at depth d.
-    pub(super) fn ray(&self, u: f64, v: f64) -> DVec3 {
+    pub(super) fn ray(self, u: f64, v: f64) -> DVec3 {
         self.rays * DVec3::new(u, v, 1.0)
     }
 
     /// World point of a camera point.
-    pub(super) fn to_world(&self, point: DVec3) -> DVec3 {
+    pub(super) fn to_world(self, point: DVec3) -> DVec3 {
         self.back * (point - self.translation)
     }
 
     /// Camera point of a world point.
-    pub(super) fn to_camera(&self, point: DVec3) -> DVec3 {
+    pub(super) fn to_camera(self, point: DVec3) -> DVec3 {
         self.rotation * point + self.translation
     }
 
     /// Camera-to-world position and orientation (x, y, z, w; w not negative).
-    pub(super) fn pose(&self) -> (DVec3, DQuat) {
+    pub(super) fn pose(self) -> (DVec3, DQuat) {
         let q = DQuat::from_mat3(&self.rotation).normalize().conjugate();
         (self.to_world(DVec3::ZERO), if q.w < 0.0 { -q } else { q })
     }

@@ -28,6 +28,9 @@ const FLOAT: u32 = 5126;
 const UNSIGNED_SHORT: u32 = 5123;
 const ARRAY_BUFFER: u32 = 34962;
 
+/// Sizes in a glb file are 32 bits wide, and no viewer shows more.
+const MAX_POINTS: usize = 100_000_000;
+
 /// Turns OpenCV camera axes into glTF's.
 const TO_GLTF: DVec3 = DVec3::new(1.0, -1.0, -1.0);
 
@@ -50,10 +53,11 @@ impl GlbSink {
     pub(super) fn new(dir: &Path, options: &SinkOptions) -> Self {
         // Enough to be left with the wanted number after the threshold, which never drops more than nine in ten.
         let share = (1.0 - f64::from(options.glb_confidence_percentile) / 100.0).clamp(0.1, 1.0);
-        let capacity = (options.glb_max_points as f64 / share).ceil() as usize;
+        let max_points = options.glb_max_points.min(MAX_POINTS);
+        let capacity = (max_points as f64 / share).ceil() as usize;
         Self {
             path: dir.join("scene.glb"),
-            options: options.clone(),
+            options: SinkOptions { glb_max_points: max_points, ..options.clone() },
             points: Reservoir::new(capacity, options.seed),
             confidences: ConfidenceSample::new(options.seed),
             views: Vec::new(),
@@ -240,11 +244,8 @@ impl Scene {
         text.resize(text.len().next_multiple_of(4), b' ');
         let binary = if self.buffer.is_empty() { 0 } else { 8 + self.buffer.len() };
         let total = 12 + 8 + text.len() + binary;
-        let size = |n: usize| {
-            let too_large = || std::io::Error::other("a glb file holds at most 4 GiB: lower the number of points");
-            u32::try_from(n).map_err(|_| IoError::write(file.path(), too_large())).map(u32::to_le_bytes)
-        };
-        let (total, json_size, binary_size) = (size(total)?, size(text.len())?, size(self.buffer.len())?);
+        let size = |n: usize| u32::try_from(n).expect("BUG: MAX_POINTS keeps the file below 4 GiB").to_le_bytes();
+        let (total, json_size, binary_size) = (size(total), size(text.len()), size(self.buffer.len()));
         for bytes in [b"glTF".as_slice(), &2u32.to_le_bytes(), &total, &json_size, b"JSON", &text] {
             file.put(bytes)?;
         }

@@ -182,7 +182,7 @@ pub struct SinkOptions {
     pub ply_max_points: Option<usize>,
     /// `glb`: percentile of the threshold rule `min(max(1.05, p), p90)`.
     pub glb_confidence_percentile: f32,
-    /// `glb`: at most this many points, a seeded random choice.
+    /// `glb`: at most this many points (and 100 million), a seeded random choice.
     pub glb_max_points: usize,
     /// `glb`: draw the cameras.
     pub show_cameras: bool,

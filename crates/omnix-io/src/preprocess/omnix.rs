@@ -40,7 +40,11 @@ impl OmnixPreprocess {
             becomes,
             cure: cure.to_owned(),
         };
-        if self.width == 0 || self.height == 0 || self.width % PATCH != 0 || self.height % PATCH != 0 {
+        if self.width == 0
+            || self.height == 0
+            || !self.width.is_multiple_of(PATCH)
+            || !self.height.is_multiple_of(PATCH)
+        {
             return Err(refuse(format!("{} x {}", self.width, self.height), "choose sides that are multiples of 14"));
         }
         let scale = (f64::from(self.width) / w).max(f64::from(self.height) / h) + 1e-8;

@@ -13,7 +13,7 @@ use crate::Picture;
 #[must_use]
 pub fn resize_area(picture: &Picture, width: u32, height: u32) -> Picture {
     assert!(width <= picture.width && height <= picture.height, "BUG: the area filter only shrinks");
-    if picture.width % width == 0 && picture.height % height == 0 {
+    if picture.width.is_multiple_of(width) && picture.height.is_multiple_of(height) {
         return area_whole(picture, width, height);
     }
     let columns = area_taps(picture.width, width);

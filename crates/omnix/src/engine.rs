@@ -1,0 +1,82 @@
+//! The device.
+
+use omnix_kernels::{Caps, Gpu, adapter};
+use serde::Serialize;
+
+use crate::error::OmnixError;
+
+/// A borrowed device with the pipelines made on it. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Engine {
+    gpu: Gpu,
+}
+
+/// What the device says about itself.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeviceInfo {
+    /// Adapter name.
+    pub name: String,
+    /// Backend: Vulkan, Metal, …
+    pub backend: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Discrete GPU, CPU, …
+    pub kind: String,
+    /// Family of kernel variants: software, baseline, gpu.
+    pub tier: String,
+}
+
+impl Engine {
+    /// Runs on the host's device and queue. Ask for the features of [`Engine::wanted_features`] and the adapter's
+    /// limits when opening the device; less works, slower or on smaller images.
+    #[must_use]
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
+        Self { gpu: Gpu::new(device, queue) }
+    }
+
+    /// Opens a device of its own: by index or part of its name, or the best there is.
+    ///
+    /// # Errors
+    /// When there is none, or it is too small.
+    pub fn open(wanted: Option<&str>) -> Result<Self, OmnixError> {
+        let (device, queue) = adapter::open(&adapter::choose(wanted)?)?;
+        Ok(Self::new(&device, &queue))
+    }
+
+    /// The same device with other variants or limits, for tests and benches.
+    #[must_use]
+    pub fn with_caps(&self, caps: Caps) -> Self {
+        Self { gpu: self.gpu.with_caps(caps) }
+    }
+
+    /// Features that make the engine faster where the adapter has them; none is required.
+    #[must_use]
+    pub fn wanted_features() -> wgpu::Features {
+        adapter::wanted_features()
+    }
+
+    /// The facts that decide variants and chunks.
+    #[must_use]
+    pub fn caps(&self) -> &Caps {
+        &self.gpu.caps
+    }
+
+    /// The device, queue and pipelines.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// What the device says about itself.
+    #[must_use]
+    pub fn info(&self) -> DeviceInfo {
+        let info = self.gpu.device.adapter_info();
+        DeviceInfo {
+            name: info.name,
+            backend: info.backend.to_string(),
+            driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+            kind: format!("{:?}", info.device_type),
+            tier: self.gpu.caps.tier.to_string(),
+        }
+    }
+}

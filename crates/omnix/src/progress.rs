@@ -1,0 +1,30 @@
+//! How long work reports and how it is broken off.
+
+use std::ops::ControlFlow;
+
+/// What is being done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Reading, packing and uploading weights.
+    Weights,
+    /// The network over all images.
+    Backbone,
+    /// Depth, image by image.
+    Head,
+}
+
+/// A step of long work: `done` of `total` units of its phase (bytes or operations).
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// What is being done.
+    pub phase: Phase,
+    /// Units done.
+    pub done: u64,
+    /// Units in all.
+    pub total: u64,
+}
+
+/// A listener that hears nothing and never breaks off.
+pub fn quiet() -> impl FnMut(Progress) -> ControlFlow<()> {
+    |_| ControlFlow::Continue(())
+}

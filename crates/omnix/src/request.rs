@@ -1,0 +1,90 @@
+//! What to reconstruct.
+
+use omnix_geometry::{AlignTo, Camera};
+use omnix_kernels::WeightType;
+use omnix_model::backbone::ReferenceChoice;
+
+use crate::error::OmnixError;
+
+/// Images of one scene, all of one size, and what is wanted of them.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Number of images.
+    pub images: usize,
+    /// Rows of an image; a multiple of 14.
+    pub height: usize,
+    /// Columns of an image; a multiple of 14.
+    pub width: usize,
+    /// (video, frame in its video) of each image, for networks with time codes; by default one video in order.
+    pub times: Vec<(u32, u32)>,
+    /// Which view carries the reference token; `None` is the network's own default.
+    pub reference: Option<ReferenceChoice>,
+    /// Known cameras (for the processed size), world-to-camera.
+    pub cameras: Option<Vec<Camera>>,
+    /// What known cameras do to the result.
+    pub align: AlignTo,
+    /// Whether ray maps are wanted; they cost about as much as depth.
+    pub rays: bool,
+    /// How weights are stored on the device.
+    pub storage: WeightType,
+    /// Bytes of device memory that the run may take.
+    pub budget: Option<u64>,
+    /// Chains go in at least so many parts; 1 unless a test wants chunks.
+    pub parts: usize,
+    /// Images through the head at a time; `None` lets the device's kind and the budget decide.
+    pub head_images: Option<usize>,
+}
+
+impl Request {
+    /// `images` images of `height` × `width` with every default.
+    #[must_use]
+    pub fn new(images: usize, height: usize, width: usize) -> Self {
+        Self {
+            images,
+            height,
+            width,
+            times: (0..images as u32).map(|i| (0, i)).collect(),
+            reference: None,
+            cameras: None,
+            align: AlignTo::Given,
+            rays: false,
+            storage: WeightType::F32,
+            budget: None,
+            parts: 1,
+            head_images: None,
+        }
+    }
+
+    /// Patch rows and columns.
+    #[must_use]
+    pub fn grid(&self) -> (usize, usize) {
+        (self.height / PATCH, self.width / PATCH)
+    }
+
+    /// Checks counts and sizes.
+    ///
+    /// # Errors
+    /// [`OmnixError::Request`].
+    pub(crate) fn check(&self) -> Result<(), OmnixError> {
+        let wrong = |reason: String| Err(OmnixError::Request { reason });
+        if self.images == 0 {
+            return wrong("there are no images".to_owned());
+        }
+        if self.height < PATCH || self.width < PATCH || !self.height.is_multiple_of(PATCH) || !self.width.is_multiple_of(PATCH) {
+            let (h, w) = (self.height, self.width);
+            return wrong(format!("images of {w}x{h} pixels: both sides must be multiples of {PATCH}; use the preprocessing of omnix::io"));
+        }
+        if self.times.len() != self.images {
+            return wrong(format!("{} times for {} images", self.times.len(), self.images));
+        }
+        if let Some(cameras) = &self.cameras
+            && cameras.len() != self.images
+        {
+            return wrong(format!("{} cameras for {} images", cameras.len(), self.images));
+        }
+        Ok(())
+    }
+}
+
+/// Pixels along a patch.
+pub(crate) const PATCH: usize = 14;

@@ -1,0 +1,89 @@
+// split_heads (RoPE and the q/k norm are here), four channels at a time: see lib/split_heads_params.
+//
+// An invocation owns one token of one head. Channels come as vec4, and the two vec4 of a RoPE pair are
+// read and turned together, so nothing is read twice but for the norm. Needs the rows and heads of x to start at
+// multiples of 4 channels and D to be a multiple of 8, with RoPE of 16.
+#import split_heads_params
+#import grid
+
+@group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> weight: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> bias: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> table: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> y: array<f32>;
+
+fn normal(v: vec4<f32>, d4: u32, mean: f32, inverse: f32) -> vec4<f32> {
+    if ((p.flags & NORM) != 0u) {
+        return (v - mean) * inverse * weight[d4] + bias[d4];
+    }
+    return v;
+}
+
+fn put(to: u32, d4: u32, step: u32, v: vec4<f32>) {
+    let at = to + d4 * 4u * step;
+    let scaled = v * p.scale;
+    y[at] = scaled.x;
+    y[at + step] = scaled.y;
+    y[at + 2u * step] = scaled.z;
+    y[at + 3u * step] = scaled.w;
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    // Neighbouring invocations take neighbouring tokens: stores to key blocks are then contiguous.
+    let index = lib_fold(group, groups) * 64u + local.x;
+    let i = index / p.t_count;
+    let t = p.t0 + index % p.t_count;
+    if (i >= p.head_count) {
+        return;
+    }
+    let to = place(i, t);
+    let step = step_d();
+    let n4 = p.head_dim / 4u;
+    var written = 0u;
+    if (t < p.tokens) {
+        let head = p.head0 + i;
+        let row = head / p.heads * p.tokens + t - p.x_row0;
+        let at = (row * p.x_stride + p.x_offset + head % p.heads * p.head_dim) / 4u;
+        var mean = 0.0;
+        var inverse = 1.0;
+        if ((p.flags & NORM) != 0u) {
+            var sum = vec4<f32>(0.0);
+            for (var d = 0u; d < n4; d++) {
+                sum += x[at + d];
+            }
+            mean = (sum.x + sum.y + sum.z + sum.w) / f32(p.head_dim);
+            var squares = vec4<f32>(0.0);
+            for (var d = 0u; d < n4; d++) {
+                let e = x[at + d] - mean;
+                squares += e * e;
+            }
+            inverse = 1.0 / sqrt((squares.x + squares.y + squares.z + squares.w) / f32(p.head_dim) + p.eps);
+        }
+        if ((p.flags & ROPE) != 0u) {
+            let angles = t % p.rope_rows * n4;
+            let quarter = n4 / 4u;
+            for (var j = 0u; j < n4 / 2u; j++) {
+                // The j-th vec4 of angles: its half, and the channels of that half.
+                let a = j / quarter * quarter * 2u + j % quarter;
+                let b = a + quarter;
+                let turned = lib_rope_turn4(normal(x[at + a], a, mean, inverse), normal(x[at + b], b, mean, inverse),
+                    table[angles + j], table[angles + n4 / 2u + j]);
+                put(to, a, step, turned.first);
+                put(to, b, step, turned.second);
+            }
+        } else {
+            for (var d = 0u; d < n4; d++) {
+                put(to, d, step, normal(x[at + d], d, mean, inverse));
+            }
+        }
+        written = n4;
+    }
+    for (var d = written; d < p.dp / 4u; d++) {
+        put(to, d, step, vec4<f32>(0.0));
+    }
+}
