@@ -8,15 +8,16 @@ mod embed;
 mod features;
 mod reference;
 mod rope;
+mod spec;
 mod tokens;
 
 use omnix_graph::{Graph, Value};
 use omnix_weights::Scope;
 
 pub(crate) use block::{Block, Span};
+pub use spec::{BackboneOutputs, BackboneSpec, Reference, ReferenceChoice};
 
 use crate::config::NetworkConfig;
-use crate::network::{BackboneOutputs, BackboneSpec};
 use crate::{ModelError, camera};
 use reference::Order;
 
@@ -32,7 +33,7 @@ fn root() -> Scope {
 pub(crate) fn record(
     g: &mut Graph,
     config: &NetworkConfig,
-    spec: &BackboneSpec<'_>,
+    spec: &BackboneSpec,
 ) -> Result<BackboneOutputs, ModelError> {
     let backbone = &config.backbone;
     let given = match &config.camera_encoder {
@@ -60,8 +61,8 @@ pub(crate) fn record(
                 None => tokens::learnt_cameras(g, spec, x)?,
             };
         }
-        if let (Some(time), Some(times)) = (backbone.time.filter(|t| t.from == i), spec.times) {
-            x = tokens::add_times(g, time, times, x, spec.tokens())?;
+        if let Some(time) = backbone.time.filter(|t| t.from == i) {
+            x = tokens::add_times(g, time, spec, x)?;
         }
         let span = if backbone.is_global(i) { Span::All } else { Span::Groups(spec.images) };
         let block = Block {

@@ -177,6 +177,8 @@ pub struct NetworkConfig {
     pub name: String,
     /// The design it follows.
     pub family: Family,
+    /// The prefix of the tensors' names, where the configuration says it.
+    pub key_prefix: Option<String>,
     /// The encoder.
     pub backbone: BackboneConfig,
     /// Depth, confidence and rays.
@@ -200,6 +202,12 @@ impl NetworkConfig {
         let config = if root.get("format").is_some() { omnix::read(&root)? } else { da3::read(&root)? };
         config.check()?;
         Ok(config)
+    }
+
+    /// The prefix of the tensors' names, where the configuration says it.
+    #[must_use]
+    pub fn key_prefix(&self) -> Option<&str> {
+        self.key_prefix.as_deref()
     }
 
     /// da3-small.

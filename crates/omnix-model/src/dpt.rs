@@ -6,19 +6,20 @@
 mod fusion;
 mod outputs;
 mod pyramid;
+mod spec;
 mod uv;
 
 use omnix_graph::Graph;
 use omnix_weights::Scope;
 
-use crate::config::NetworkConfig;
-use crate::network::{HeadOutputs, HeadSpec};
+use crate::config::{HeadConfig, NetworkConfig};
 use crate::{ModelError, PATCH};
+pub use spec::{HeadOutputs, HeadSpec};
 
 /// What all parts of the head need.
 #[derive(Clone, Debug)]
 struct Head<'a> {
-    config: &'a crate::config::HeadConfig,
+    config: &'a HeadConfig,
     at: Scope,
     frames: usize,
     grid: (usize, usize),

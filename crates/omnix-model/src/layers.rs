@@ -81,7 +81,7 @@ pub(crate) fn scaled_residual(g: &mut Graph, at: &Scope, x: Value, residual: Val
 
 /// Bilinear with corners on corners, the only resizing in the heads.
 pub(crate) fn resize(g: &mut Graph, x: Value, rows: usize, columns: usize) -> Result<Value, GraphError> {
-    g.resize(x, rows, columns, Filter::Bilinear, Corners::Aligned)
+    g.resize(x, rows, columns, Filter::Bilinear, Corners::Align)
 }
 
 /// `max(x, 0)`.

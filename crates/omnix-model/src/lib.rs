@@ -13,7 +13,7 @@
 //! Not here yet, and refused by name: monocular and metric networks, nested ones, the Gaussian head (its tensors are known
 //! and left out) and the trajectory module.
 
-mod backbone;
+pub mod backbone;
 mod camera;
 pub mod config;
 mod dpt;
@@ -22,10 +22,12 @@ mod layers;
 mod manifest;
 mod network;
 
+pub use backbone::{BackboneOutputs, BackboneSpec, Reference, ReferenceChoice};
 pub use config::NetworkConfig;
+pub use dpt::{HeadOutputs, HeadSpec};
 pub use error::ModelError;
 pub use manifest::{Parts, manifest};
-pub use network::{BackboneOutputs, BackboneSpec, HeadOutputs, HeadSpec, Network, Reference, ReferenceChoice};
+pub use network::Network;
 
 /// Side of a patch in pixels; picture sides are multiples of it.
 pub const PATCH: usize = 14;

@@ -78,7 +78,7 @@ impl Block {
     /// Attention over all rows: keys, values, then the chain that starts with the queries.
     fn all(&self, g: &mut Graph, x: Value, head_dim: usize) -> Result<Value, GraphError> {
         let c = self.heads * head_dim;
-        let mut part = |g: &mut Graph, i: usize| {
+        let part = |g: &mut Graph, i: usize| {
             let normed = self.norm1(g, x)?;
             linear_rows(g, &self.at.pp("attn.qkv"), normed, 3 * c, i * c..(i + 1) * c, &[3 * c, c])
         };
@@ -100,7 +100,7 @@ impl Block {
         let c = heads * head_dim;
         let normed = self.norm1(g, x)?;
         let zero = g.constant("zero", [1], vec![0.0]);
-        let mut part = |g: &mut Graph, i: usize| {
+        let part = |g: &mut Graph, i: usize| {
             let qkv = self.at.pp("attn.qkv");
             linear_rows(g, &qkv, normed, 3 * c, i * c..(i + 1) * c, &[3 * c, c])
         };

@@ -1,20 +1,19 @@
 //! Pictures to tokens: patch embedding, class token, position rows (`spec/da3.md` 4.1, 4.2).
 
 use omnix_graph::build::Piece;
-use omnix_graph::op::{Corners, Filter};
+use omnix_graph::op::{Corners, Filter, Ratio};
 use omnix_graph::{Graph, GraphError, Value};
 
-use super::root;
+use super::{BackboneSpec, root};
 use crate::PATCH;
 use crate::config::BackboneConfig;
 use crate::layers::linear_rows;
-use crate::network::BackboneSpec;
 
 /// `[S, 3, H, W]` to `[S·T, C]`.
 pub(super) fn record(
     g: &mut Graph,
     config: &BackboneConfig,
-    spec: &BackboneSpec<'_>,
+    spec: &BackboneSpec,
     images: Value,
 ) -> Result<Value, GraphError> {
     let (s, (rows, columns), p, c) = (spec.images, spec.grid, spec.patches(), config.width);
@@ -47,7 +46,10 @@ fn positions(g: &mut Graph, config: &BackboneConfig, (rows, columns): (usize, us
     }
     let places = g.slice(stored, 1, 1, grid * grid)?;
     let places = g.reshape(places, [1, grid, grid, c])?;
-    let places = g.resize(places, rows, columns, Filter::Bicubic, Corners::Position)?;
+    // The published scale is grid / (n + 0.1).
+    let scale = |n: usize| Ratio { num: 10 * grid as u32, den: 10 * n as u32 + 1 };
+    let corners = Corners::HalfPixelScaled { rows: scale(rows), columns: scale(columns) };
+    let places = g.resize(places, rows, columns, Filter::Bicubic, corners)?;
     let pieces = [
         Piece { value: stored, dims: vec![1, c], start: 0, strides: vec![c, 1], at: vec![0, 0] },
         Piece { value: places, dims: vec![p, c], start: 0, strides: vec![c, 1], at: vec![1, 0] },

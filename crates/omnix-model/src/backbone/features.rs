@@ -4,9 +4,8 @@ use omnix_graph::build::Piece;
 use omnix_graph::{Graph, GraphError, Value};
 
 use super::reference::Order;
-use super::root;
+use super::{BackboneSpec, root};
 use crate::layers::layer_norm;
-use crate::network::BackboneSpec;
 
 /// Eps of the final norm, which all taken layers share.
 const FINAL_EPS: f32 = 1e-5;
@@ -15,7 +14,7 @@ const FINAL_EPS: f32 = 1e-5;
 /// both with the views in their original order.
 pub(super) fn take(
     g: &mut Graph,
-    spec: &BackboneSpec<'_>,
+    spec: &BackboneSpec,
     order: &Order,
     k: usize,
     local: Value,
@@ -48,7 +47,7 @@ pub(super) fn take(
 }
 
 /// The normalised patch tokens `[S, gh, gw, C]` of block `i`, views in the order inside the network.
-pub(super) fn export(g: &mut Graph, spec: &BackboneSpec<'_>, x: Value, i: usize) -> Result<Value, GraphError> {
+pub(super) fn export(g: &mut Graph, spec: &BackboneSpec, x: Value, i: usize) -> Result<Value, GraphError> {
     let (s, t, c) = (spec.images, spec.tokens(), g.shape(x).width());
     let normed = layer_norm(g, &root().pp("norm"), x, FINAL_EPS)?;
     let tokens = g.reshape(normed, [s, t, c])?;

@@ -6,8 +6,9 @@
 use omnix_graph::build::Piece;
 use omnix_graph::{Graph, GraphError, Value};
 
+use super::spec::strategy;
+use super::{BackboneSpec, Reference, ReferenceChoice};
 use crate::config::{Family, NetworkConfig};
-use crate::network::{BackboneSpec, Reference, ReferenceChoice, strategy};
 
 /// Views from this number on have a reference to choose.
 const FEWEST: usize = 3;
@@ -37,7 +38,7 @@ impl Order {
     pub(super) fn choose(
         g: &mut Graph,
         config: &NetworkConfig,
-        spec: &BackboneSpec<'_>,
+        spec: &BackboneSpec,
         x: Value,
     ) -> Result<Self, GraphError> {
         let views = spec.images;

@@ -34,7 +34,9 @@ impl NetworkConfig {
         let need = |fits: bool, label: &'static str, value: &dyn std::fmt::Debug, allowed: String| {
             let label = match self.family {
                 Family::OmniX => label,
-                Family::DepthAnything3 => LABELS.iter().find(|(own, _)| *own == label).map_or(label, |(_, theirs)| *theirs),
+                Family::DepthAnything3 => {
+                    LABELS.iter().find(|(own, _)| *own == label).map_or(label, |(_, theirs)| *theirs)
+                }
             };
             let bad = || ModelError::BadField { field: label.to_owned(), value: format!("{value:?}"), allowed };
             if fits { Ok(()) } else { Err(bad()) }
@@ -55,7 +57,12 @@ impl NetworkConfig {
         need((least..blocks).contains(&alternate_from), "backbone.alternate_from", &alternate_from, {
             format!("it can be {least} to {}", blocks - 1)
         })?;
-        need((1..=512).contains(&position_grid), "backbone.position_grid", &position_grid, "it can be 1 to 512".to_owned())?;
+        need(
+            (1..=512).contains(&position_grid),
+            "backbone.position_grid",
+            &position_grid,
+            "it can be 1 to 512".to_owned(),
+        )?;
         let base_allowed = || "a number above 1 is needed".to_owned();
         need(rope_base > 1.0 && rope_base.is_finite(), "backbone.rope_base", &rope_base, base_allowed())?;
         if let Some(time) = self.backbone.time {
@@ -69,7 +76,12 @@ impl NetworkConfig {
         need(features_fit, "depth_head.features", &features, "a multiple of 8 is needed".to_owned())?;
         let fit = |c: &usize| (4..=WIDEST).contains(c) && c.is_multiple_of(4);
         need(channels.iter().all(fit), "depth_head.channels", &channels, "multiples of 4 are needed".to_owned())?;
-        need(aux_convs % 2 == 1 && aux_convs <= 15, "depth_head.aux_convs", &aux_convs, "it can be 1, 3, .. 15".to_owned())?;
+        need(
+            aux_convs % 2 == 1 && aux_convs <= 15,
+            "depth_head.aux_convs",
+            &aux_convs,
+            "it can be 1, 3, .. 15".to_owned(),
+        )?;
         if let Some(clamp) = logit_clamp {
             let fits = clamp > 0.0 && clamp.is_finite();
             need(fits, "depth_head.logit_clamp", &clamp, "a number above 0, or null for none, is needed".to_owned())?;

@@ -4,9 +4,7 @@
 //! tree is read. Files with only one of the two are accepted.
 
 use super::fields::Fields;
-use super::{
-    BackboneConfig, CameraEncoderConfig, Family, FeedForward, HeadConfig, LeftOut, NetworkConfig, PointsFrom,
-};
+use super::{BackboneConfig, CameraEncoderConfig, Family, FeedForward, HeadConfig, LeftOut, NetworkConfig, PointsFrom};
 use crate::ModelError;
 
 /// Sides of the position table in all published files.
@@ -52,8 +50,7 @@ pub(super) const SMALL: Published = Published {
     channels: [48, 96, 192, 384],
     gaussians: false,
 };
-pub(super) const BASE: Published =
-    Published { encoder: 1, features: 128, channels: [96, 192, 384, 768], ..SMALL };
+pub(super) const BASE: Published = Published { encoder: 1, features: 128, channels: [96, 192, 384, 768], ..SMALL };
 pub(super) const LARGE: Published = Published {
     encoder: 2,
     out_layers: [11, 15, 19, 23],
@@ -107,6 +104,7 @@ fn assemble(
     NetworkConfig {
         name: name.to_owned(),
         family: Family::DepthAnything3,
+        key_prefix: None,
         backbone,
         head: HeadConfig { features, channels, aux_convs: AUX_CONVS, logit_clamp: None },
         camera_encoder,
@@ -133,7 +131,8 @@ pub(super) fn read(root: &Fields<'_>) -> Result<NetworkConfig, ModelError> {
         (Some(_), _) => root.object("config")?,
         (None, Some(_)) => root.clone(),
         (None, None) => {
-            let allowed = "neither the `model_name` of a published network, nor a tree `config`, nor `format` \"omnix-1\"";
+            let allowed =
+                "neither the `model_name` of a published network, nor a tree `config`, nor `format` \"omnix-1\"";
             return Err(ModelError::FieldMissing { field: "config".to_owned(), allowed: allowed.to_owned() });
         }
     };

@@ -31,6 +31,7 @@ pub(super) fn read(root: &Fields<'_>) -> Result<NetworkConfig, ModelError> {
     root.one_of("variant", &["release"])?;
     root.only(&FIELDS)?;
     let name = if root.get("name").is_some() { root.text("name")? } else { "omnix" };
+    let key_prefix = if root.get("key_prefix").is_some() { Some(root.text("key_prefix")?.to_owned()) } else { None };
     let points = match root.one_of("points_from", &["rays", "camera"])? {
         0 => PointsFrom::Rays,
         _ => PointsFrom::Camera,
@@ -45,6 +46,7 @@ pub(super) fn read(root: &Fields<'_>) -> Result<NetworkConfig, ModelError> {
     Ok(NetworkConfig {
         name: name.to_owned(),
         family: Family::OmniX,
+        key_prefix,
         backbone: backbone(&root.object("backbone")?)?,
         head: head(&root.object("depth_head")?)?,
         camera_encoder: None,

@@ -8,12 +8,7 @@ use omnix_graph::build::Piece;
 use omnix_graph::{Graph, GraphError, Value};
 
 /// The code `[h, w, c]` of a map, gain included, for a picture of this height and width.
-pub(super) fn map(
-    g: &mut Graph,
-    (h, w): (usize, usize),
-    c: usize,
-    picture: [usize; 2],
-) -> Result<Value, GraphError> {
+pub(super) fn map(g: &mut Graph, (h, w): (usize, usize), c: usize, picture: [usize; 2]) -> Result<Value, GraphError> {
     let half = c / 2;
     let columns = halves(&uv_code(c, 1, w, picture, Layout::ChannelsLast), c, 0);
     let rows = halves(&uv_code(c, h, 1, picture, Layout::ChannelsLast), c, half);
