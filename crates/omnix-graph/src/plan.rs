@@ -101,31 +101,23 @@ impl Plan {
     }
 }
 
-/// The fewest parts whose memory fits the budget.
+/// The fewest parts whose memory fits the budget and the device's largest buffer.
 fn fit(graph: &Graph, segments: &[Segment], options: &PlanOptions, max_buffer: u64) -> Result<(usize, MemoryPlan), GraphError> {
     let mut parts = options.parts.max(1);
-    let mut best: Option<Result<(usize, MemoryPlan), GraphError>> = None;
     let mut least = u64::MAX;
     loop {
         let tried = assign(graph, segments, parts, max_buffer);
-        match (&tried, options.budget) {
-            (Ok(memory), budget) if budget.is_none_or(|b| memory.total() <= b) => return Ok((parts, tried?)),
-            (Ok(memory), Some(_)) => least = least.min(memory.total()),
-            _ => {}
+        let fits = tried.as_ref().is_ok_and(|memory| options.budget.is_none_or(|budget| memory.total() <= budget));
+        let smallest = |s: &Segment| s.chain.as_ref().is_none_or(|c| c.chunk_rows(parts) <= c.unit);
+        let last = parts >= MAX_PARTS || segments.iter().all(smallest);
+        if fits || (last && tried.is_err()) {
+            return tried.map(|memory| (parts, memory));
         }
-        // A value above the buffer limit may fit in smaller chunks too; keep the last word if none does.
-        best = Some(tried.map(|memory| (parts, memory)));
-        let whole = |s: &Segment| s.chain.as_ref().is_none_or(|c| c.chunk_rows(parts) <= c.unit);
-        if segments.iter().all(whole) || parts >= MAX_PARTS {
-            break;
+        least = tried.map_or(least, |memory| least.min(memory.total()));
+        if last {
+            return Err(GraphError::Budget { budget: options.budget.unwrap_or(u64::MAX), least });
         }
         parts *= 2;
-    }
-    match (best, options.budget) {
-        (Some(Err(error)), _) => Err(error),
-        (_, Some(budget)) => Err(GraphError::Budget { budget, least }),
-        (Some(found), None) => found,
-        (None, None) => unreachable!("BUG: the loop ran at least once"),
     }
 }
 
