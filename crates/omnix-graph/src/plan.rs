@@ -4,9 +4,9 @@ use omnix_kernels::{Caps, PackedWeights, WeightType};
 
 use crate::error::GraphError;
 use crate::fuse::fuse;
-use crate::graph::{Graph, Source, Value};
+use crate::graph::{Graph, Node, Source, Value};
 use crate::memory::{MemoryPlan, Place, assign};
-use crate::op::Op;
+use crate::op::{Op, WeightForm};
 use crate::schedule::{Segment, segments};
 use crate::weights::{Packing, WeightKey};
 
@@ -123,23 +123,12 @@ fn fit(graph: &Graph, segments: &[Segment], options: &PlanOptions, max_buffer: u
 
 /// The form in which each parameter is read, in order of first use.
 fn weights(graph: &Graph, storage: WeightType) -> Vec<WeightKey> {
+    let mut seen = rustc_hash::FxHashSet::default();
     let mut keys = Vec::new();
     for node in &graph.nodes {
-        let matrix = match &node.op {
-            Op::Linear(l) => Some((l.w, l.form)),
-            Op::Conv2d(c) => Some((c.w, crate::op::WeightForm::Conv)),
-            _ => None,
-        };
-        for value in node.op.inputs() {
-            if let Source::Parameter(parameter) = &graph.info(graph.root(value)).source {
-                let packing = match matrix {
-                    Some((w, form)) if w == value => Packing::Matrix(form, storage),
-                    _ => bias_packing(node, value),
-                };
-                let key = WeightKey { parameter: parameter.clone(), packing };
-                if !keys.contains(&key) {
-                    keys.push(key);
-                }
+        for key in node.op.inputs().into_iter().filter_map(|value| weight_key(graph, node, value, storage)) {
+            if seen.insert(key.clone()) {
+                keys.push(key);
             }
         }
     }
@@ -147,19 +136,19 @@ fn weights(graph: &Graph, storage: WeightType) -> Vec<WeightKey> {
 }
 
 /// A transposed convolution's bias is repeated for every pixel of a block.
-fn bias_packing(node: &crate::graph::Node, value: Value) -> Packing {
+fn bias_packing(node: &Node, value: Value) -> Packing {
     match &node.op {
-        Op::Linear(l) if l.form == crate::op::WeightForm::ConvTranspose && l.bias == Some(value) => Packing::Repeat,
+        Op::Linear(l) if l.form == WeightForm::ConvTranspose && l.bias == Some(value) => Packing::Repeat,
         _ => Packing::Plain,
     }
 }
 
 /// The key under which `value`, read by `node`, is stored.
-pub(crate) fn weight_key(graph: &Graph, node: &crate::graph::Node, value: Value, storage: WeightType) -> Option<WeightKey> {
+pub(crate) fn weight_key(graph: &Graph, node: &Node, value: Value, storage: WeightType) -> Option<WeightKey> {
     let Source::Parameter(parameter) = &graph.info(graph.root(value)).source else { return None };
     let packing = match &node.op {
         Op::Linear(l) if l.w == value => Packing::Matrix(l.form, storage),
-        Op::Conv2d(c) if c.w == value => Packing::Matrix(crate::op::WeightForm::Conv, storage),
+        Op::Conv2d(c) if c.w == value => Packing::Matrix(WeightForm::Conv, storage),
         _ => bias_packing(node, value),
     };
     Some(WeightKey { parameter: parameter.clone(), packing })
@@ -187,14 +176,17 @@ pub fn node_flops(graph: &Graph, index: usize) -> u64 {
     }
 }
 
-/// The packed shape of the matrix that `value` of a linear layer or convolution stands for.
+/// Matrices with at most so many columns stay f32: they are the last layers (pose code, depth, rays), where half
+/// precision would cost the most accuracy and save the least memory.
+const NARROW: u32 = 16;
+
+/// The packed shape of the matrix of a linear layer or convolution, from the parameter's shape.
 #[must_use]
-pub fn packed_shape(shape: &[usize], form: crate::op::WeightForm, storage: WeightType) -> PackedWeights {
-    use crate::op::WeightForm::{Conv, ConvTranspose, Linear};
+pub fn packed_shape(shape: &[usize], form: WeightForm, storage: WeightType) -> PackedWeights {
     let product = |dims: &[usize]| dims.iter().product::<usize>() as u32;
     let (k, n) = match form {
-        Linear | Conv => (product(&shape[1..]), shape[0] as u32),
-        ConvTranspose => (shape[0] as u32, product(&shape[1..])),
+        WeightForm::Linear | WeightForm::Conv => (product(&shape[1..]), shape[0] as u32),
+        WeightForm::ConvTranspose => (shape[0] as u32, product(&shape[1..])),
     };
-    PackedWeights { k, n, storage }
+    PackedWeights { k, n, storage: if n <= NARROW { WeightType::F32 } else { storage } }
 }
