@@ -67,6 +67,8 @@ pub(crate) struct Comparison {
     pub(crate) tensors: usize,
     pub(crate) worst: f64,
     pub(crate) at: String,
+    /// Worst error of runs with f16 weights.
+    pub(crate) half: f64,
     pub(crate) failures: Vec<String>,
 }
 
@@ -86,6 +88,9 @@ impl Comparison {
         if headline && (error > self.worst || error.is_nan()) {
             self.worst = error;
             what.clone_into(&mut self.at);
+        }
+        if !headline && what.contains(" f16 ") {
+            self.half = self.half.max(error);
         }
         // Written so that a NaN fails.
         if !(error <= limit) {

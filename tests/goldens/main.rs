@@ -19,8 +19,8 @@ const LIMITS: [(omnix::WeightType, f64); 2] = [(omnix::WeightType::F32, 1e-4), (
 
 /// What became of a folder.
 pub(crate) enum Outcome {
-    /// Worst error, relative to its limit's unit, with the tensor it belongs to.
-    Compared { tensors: usize, worst: f64, at: String, failures: Vec<String> },
+    /// Worst error of f32 runs with the tensor it belongs to, and of runs with f16 weights.
+    Compared { tensors: usize, worst: f64, at: String, half: f64, failures: Vec<String> },
     /// Nothing in it belongs to this version.
     OutOfScope(String),
 }
@@ -31,9 +31,10 @@ fn main() -> ExitCode {
     let (mut passed, mut failed, mut skipped) = (0, 0, 0);
     for folder in folders.iter().filter(|f| filter.is_empty() || filter.iter().any(|w| f.label.contains(w.as_str()))) {
         match run(folder) {
-            Ok(Outcome::Compared { tensors, worst, at, failures }) => {
+            Ok(Outcome::Compared { tensors, worst, at, half, failures }) => {
                 let verdict = if failures.is_empty() { "pass" } else { "FAIL" };
-                println!("{:<40} {worst:.3e}  {verdict}  ({tensors} tensors, worst {at})", folder.label);
+                let half = if half > 0.0 { format!("; with f16 weights {half:.3e}") } else { String::new() };
+                println!("{:<40} {worst:.3e}  {verdict}  ({tensors} tensors, worst {at}{half})", folder.label);
                 failures.iter().take(12).for_each(|f| println!("    {f}"));
                 if failures.is_empty() { passed += 1 } else { failed += 1 }
             }
@@ -64,5 +65,5 @@ fn run(folder: &Folder) -> Result<Outcome, String> {
     if total.tensors == 0 {
         return Ok(Outcome::OutOfScope("no recorded tensor of a part that exists".to_owned()));
     }
-    Ok(Outcome::Compared { tensors: total.tensors, worst: total.worst, at: total.at, failures: total.failures })
+    Ok(Outcome::Compared { tensors: total.tensors, worst: total.worst, at: total.at, half: total.half, failures: total.failures })
 }

@@ -146,12 +146,21 @@ fn bias_packing(node: &Node, value: Value) -> Packing {
 /// The key under which `value`, read by `node`, is stored.
 pub(crate) fn weight_key(graph: &Graph, node: &Node, value: Value, storage: WeightType) -> Option<WeightKey> {
     let Source::Parameter(parameter) = &graph.info(graph.root(value)).source else { return None };
+    let storage = stored_as(graph, value, storage);
     let packing = match &node.op {
         Op::Linear(l) if l.w == value => Packing::Matrix(l.form, storage),
         Op::Conv2d(c) if c.w == value => Packing::Matrix(WeightForm::Conv, storage),
         _ => bias_packing(node, value),
     };
     Some(WeightKey { parameter: parameter.clone(), packing })
+}
+
+/// How the matrix `value` is stored when the plan stores matrices as `storage`.
+pub(crate) fn stored_as(graph: &Graph, value: Value, storage: WeightType) -> WeightType {
+    match &graph.info(graph.root(value)).source {
+        Source::Parameter(p) if p.keep_f32 => WeightType::F32,
+        _ => storage,
+    }
 }
 
 /// Floating-point operations of node `index`; what only moves numbers counts none.
@@ -176,10 +185,6 @@ pub fn node_flops(graph: &Graph, index: usize) -> u64 {
     }
 }
 
-/// Matrices with at most so many columns stay f32: they are the last layers (pose code, depth, rays), where half
-/// precision would cost the most accuracy and save the least memory.
-const NARROW: u32 = 16;
-
 /// The packed shape of the matrix of a linear layer or convolution, from the parameter's shape.
 #[must_use]
 pub fn packed_shape(shape: &[usize], form: WeightForm, storage: WeightType) -> PackedWeights {
@@ -188,5 +193,5 @@ pub fn packed_shape(shape: &[usize], form: WeightForm, storage: WeightType) -> P
         WeightForm::Linear | WeightForm::Conv => (product(&shape[1..]), shape[0] as u32),
         WeightForm::ConvTranspose => (shape[0] as u32, product(&shape[1..])),
     };
-    PackedWeights { k, n, storage: if n <= NARROW { WeightType::F32 } else { storage } }
+    PackedWeights { k, n, storage }
 }
