@@ -120,7 +120,8 @@ fn head(case: &Case) {
     let features: Vec<(String, Vec<f32>)> =
         (0..4).map(|k| (format!("feat.{k}"), case.f32(&format!("feat.{k}"))[..patches * wide].to_vec())).collect();
     let inputs: Vec<(&str, &[f32])> = features.iter().map(|(n, f)| (n.as_str(), f.as_slice())).collect();
-    let maps = tapped(case, &["head.proj", "head.resized", "head.rn", "head.fuse", "head.neck", "head.main", "head.aux"]);
+    let maps =
+        tapped(case, &["head.proj", "head.resized", "head.rn", "head.fuse", "head.neck", "head.main", "head.aux"]);
     // The OmniX goldens' `head.` tensors are another head's.
     let maps = if case.has("head.merged0") { Vec::new() } else { maps };
     let spec = HeadSpec { frames: 1, grid: case.grid, rays: true };

@@ -19,11 +19,7 @@ pub(crate) struct Run<'a> {
 }
 
 /// Runs `graph` with these inputs; `parameter` gives a tensor of the checkpoint.
-pub(crate) fn run<'a>(
-    graph: &'a Graph,
-    inputs: &[(&str, &[f32])],
-    parameter: &dyn Fn(&str) -> Vec<f32>,
-) -> Run<'a> {
+pub(crate) fn run<'a>(graph: &'a Graph, inputs: &[(&str, &[f32])], parameter: &dyn Fn(&str) -> Vec<f32>) -> Run<'a> {
     let mut run = Run { graph, values: BTreeMap::new() };
     for (value, info) in graph.values() {
         let data = match &info.source {
