@@ -106,9 +106,19 @@ fn message(name: &str, pointer: &str, value: Option<Value>) -> String {
 fn bad_fields_are_named_with_value_and_cure() {
     let cases = [
         ("tiny-a", "/config/net/num_heads", Some(json!(3)), "`net.num_heads` is 3: the width 64 must split"),
-        ("tiny-a", "/config/net/embed_dim", Some(json!("64")), "`config.net.embed_dim` is \"64\": a whole number is needed"),
+        (
+            "tiny-a",
+            "/config/net/embed_dim",
+            Some(json!("64")),
+            "`config.net.embed_dim` is \"64\": a whole number is needed",
+        ),
         ("tiny-a", "/config/net/embed_dim", Some(json!(u64::MAX)), "it can be 1 to 65536"),
-        ("tiny-a", "/config/net/depth", Some(json!(8)), "`net.out_layers` is [3, 5, 7, 9]: rising numbers of the 8 blocks"),
+        (
+            "tiny-a",
+            "/config/net/depth",
+            Some(json!(8)),
+            "`net.out_layers` is [3, 5, 7, 9]: rising numbers of the 8 blocks",
+        ),
         ("tiny-a", "/config/net/out_layers", Some(json!([1, 2, 3])), "four whole numbers are needed"),
         ("tiny-a", "/config/net/out_layers", Some(json!([5, 3, 7, 9])), "rising numbers"),
         ("tiny-a", "/config/net/alt_start", Some(json!(1)), "`net.alt_start` is 1: it can be 2 to 9"),
@@ -117,7 +127,12 @@ fn bad_fields_are_named_with_value_and_cure() {
         ("tiny-a", "/config/net", None, "has no `config.net`: an object is needed"),
         ("tiny-a", "/config/head/dim_in", Some(json!(64)), "`config.head.dim_in` is 64: it must be 128"),
         ("tiny-a", "/config/head/features", Some(json!(20)), "`head.features` is 20: a multiple of 8 is needed"),
-        ("tiny-a", "/config/head/out_channels", Some(json!([16, 24, 30, 48])), "`head.out_channels` is [16, 24, 30, 48]"),
+        (
+            "tiny-a",
+            "/config/head/out_channels",
+            Some(json!([16, 24, 30, 48])),
+            "`head.out_channels` is [16, 24, 30, 48]",
+        ),
         ("tiny-a", "/config/cam_dec", None, "has no `config.cam_dec`"),
         ("tiny-a", "/model_name", Some(json!(3)), "`model_name` is 3: a text is needed"),
         ("mixed", "/format", Some(json!("omnix-2")), "`format` is \"omnix-2\": it can be omnix-1"),

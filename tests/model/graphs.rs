@@ -177,7 +177,8 @@ fn blocks_run_in_chunks() {
         for i in segment.nodes.clone() {
             let Op::Attention(attention) = &fused.nodes()[i].op else { continue };
             chained += 1;
-            let chain = segment.chain.as_ref().unwrap_or_else(|| panic!("attention of {} groups runs whole", attention.groups));
+            let chain =
+                segment.chain.as_ref().unwrap_or_else(|| panic!("attention of {} groups runs whole", attention.groups));
             assert_eq!(chain.rows, 4 * 721);
             // Behind attention: proj, norm, fc1, fc2 go through in the same chunk, and what comes before makes queries.
             assert!(segment.nodes.end - i >= 5 && i - segment.nodes.start >= 3, "{:?} around {i}", segment.nodes);

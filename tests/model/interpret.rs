@@ -19,11 +19,7 @@ pub(crate) struct Run<'a> {
 }
 
 /// Runs `graph` with these inputs; `parameter` gives a tensor of the checkpoint.
-pub(crate) fn run<'a>(
-    graph: &'a Graph,
-    inputs: &[(&str, &[f32])],
-    parameter: &dyn Fn(&str) -> Vec<f32>,
-) -> Run<'a> {
+pub(crate) fn run<'a>(graph: &'a Graph, inputs: &[(&str, &[f32])], parameter: &dyn Fn(&str) -> Vec<f32>) -> Run<'a> {
     let mut run = Run { graph, values: BTreeMap::new() };
     for (value, info) in graph.values() {
         let data = match &info.source {
@@ -44,7 +40,7 @@ pub(crate) fn run<'a>(
         run.values.insert(value, data);
     }
     for node in graph.nodes() {
-        let results = run.node(&node.op);
+        let results = run.node(&node.op, node.outputs[0]);
         for (value, data) in node.outputs.iter().zip(results) {
             assert_eq!(data.len(), graph.shape(*value).elements(), "{}", graph.value_name(*value));
             run.values.insert(*value, data);
@@ -68,7 +64,7 @@ impl Run<'_> {
         self.graph.shape(value).to_vec()
     }
 
-    fn node(&self, op: &Op) -> Vec<Vec<f32>> {
+    fn node(&self, op: &Op, y: Value) -> Vec<Vec<f32>> {
         match op {
             Op::Linear(l) => vec![self.linear(l)],
             Op::LayerNorm { x, weight, bias, eps, act } => {
@@ -83,7 +79,7 @@ impl Run<'_> {
                 vec![self.attention(a), state]
             }
             Op::Conv2d(c) => vec![self.conv2d(c)],
-            Op::Resize { x, filter, corners, add } => vec![self.resize(*x, *filter, *corners, *add, op)],
+            Op::Resize { x, filter, corners, add } => vec![self.resize(*x, y, (*filter, *corners), *add)],
             Op::Copy { pieces } => vec![self.copy(pieces)],
             Op::Unary { op, x } => vec![self.get(*x).iter().map(|v| unary(*op, *v)).collect()],
             Op::Binary { op, a, b } => vec![self.binary(*op, *a, *b)],
@@ -161,11 +157,11 @@ impl Run<'_> {
         let mut y = vec![0.0; a.groups * a.queries * a.heads * d];
         for group in 0..a.groups {
             for head in 0..a.heads {
-                let of = |data: &'_ [f32], tokens: usize| (group * a.heads + head) * tokens * data.len().min(d);
-                let keys = &k[of(k, a.keys)..][..a.keys * d];
-                let values = &v[of(v, a.keys)..][..a.keys * d];
+                let start = |tokens: usize| (group * a.heads + head) * tokens * d;
+                let keys = &k[start(a.keys)..][..a.keys * d];
+                let values = &v[start(a.keys)..][..a.keys * d];
                 for query in 0..a.queries {
-                    let row = &q[of(q, a.queries) + query * d..][..d];
+                    let row = &q[start(a.queries) + query * d..][..d];
                     let dot = |key: &[f32]| row.iter().zip(key).map(|(a, b)| a * b).sum::<f32>();
                     let scores: Vec<f32> = keys.chunks_exact(d).map(dot).collect();
                     let most = scores.iter().copied().fold(f32::MIN, f32::max);
@@ -216,10 +212,9 @@ impl Run<'_> {
         y
     }
 
-    fn resize(&self, x: Value, filter: Filter, corners: Corners, add: Option<Value>, op: &Op) -> Vec<f32> {
-        let node = self.graph.nodes().iter().find(|n| std::ptr::eq(&raw const n.op, op)).unwrap();
+    fn resize(&self, x: Value, y: Value, (filter, corners): (Filter, Corners), add: Option<Value>) -> Vec<f32> {
         let [frames, h, w, c] = self.dims(x)[..] else { panic!("a map") };
-        let [_, ho, wo, _] = self.dims(node.outputs[0])[..] else { panic!("a map") };
+        let [_, ho, wo, _] = self.dims(y)[..] else { panic!("a map") };
         let rows: Vec<_> = (0..ho).map(|o| taps(o, h, ho, filter, corners, true)).collect();
         let columns: Vec<_> = (0..wo).map(|o| taps(o, w, wo, filter, corners, false)).collect();
         let (data, mut y) = (self.get(x), vec![0.0f32; frames * ho * wo * c]);
