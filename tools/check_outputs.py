@@ -5,7 +5,7 @@ Usage: check_outputs.py FOLDER
 
 Uses numpy, plyfile, Pillow and evo where they are installed (pip install numpy plyfile pillow evo) and says which
 were not. For scene.glb it calls check_glb.mjs beside it when node is there (npm install gltf-validator; NODE_PATH may
-name the folder node_modules). Prints one line a check; exit code 0 only if every check that ran passed and at least
+name the folder node_modules). Exports of motion are checked by check_motion.py beside it. Prints one line a check; exit code 0 only if every check that ran passed and at least
 one ran.
 """
 
@@ -16,6 +16,8 @@ import pathlib
 import shutil
 import subprocess
 import sys
+
+import check_motion
 
 HERE = pathlib.Path(__file__).resolve().parent
 
@@ -159,7 +161,7 @@ def check_glb(path):
 
 def plan(folder):
     """(name, needed modules, function) of every check that the folder's files ask for."""
-    checks = [("manifest.json", [], lambda: check_manifest(folder))]
+    checks = [("manifest.json", [], lambda: check_manifest(folder)), *check_motion.plan(folder)]
     npz = folder / "exports/npz/results.npz"
     for path in (npz, folder / "exports/mini_npz/results.npz"):
         if path.exists():

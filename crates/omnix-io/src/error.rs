@@ -155,6 +155,62 @@ pub enum IoError {
         /// Number of values found.
         found: usize,
     },
+    /// A point that is not a pixel of one of the images.
+    #[error("point {point} cannot be exported as {export}: {reason}; choose pixels inside the processed pictures")]
+    BadPoint {
+        /// Name of the export.
+        export: &'static str,
+        /// Index of the point.
+        point: usize,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+    /// Nothing to export.
+    #[error(
+        "the export {export} has no points: none of those offered is finite at every time; leave {export} out or choose other points"
+    )]
+    NoPoints {
+        /// Name of the export.
+        export: &'static str,
+    },
+    /// A file that is not a saved field.
+    #[error("not a saved field ({reason}): name the field.safetensors of a run instead of {path}")]
+    NotAField {
+        /// What was found instead.
+        reason: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A saved field of another version.
+    #[error("a saved field of version {found}, and this program reads version {known}: save it again with this program: {path}")]
+    FieldVersion {
+        /// The version in the file.
+        found: String,
+        /// The version that is read.
+        known: &'static str,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A saved field whose file ends too early.
+    #[error("the saved field is cut short, {found} bytes of {expected}: copy it again or save it again: {path}")]
+    FieldCutShort {
+        /// Bytes that the header promises.
+        expected: u64,
+        /// Bytes that are there.
+        found: u64,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A tensor of a saved field that is absent or not as expected or not as announced.
+    #[error("tensor \"{name}\" of the saved field {reason}: save the field again: {path}")]
+    FieldTensor {
+        /// Name of the tensor.
+        name: String,
+        /// What is wrong with it.
+        reason: String,
+        /// The file.
+        path: PathBuf,
+    },
     /// The output folder cannot be made or written to.
     #[error("cannot write to the output folder: choose another with --out or change its permissions: {path}")]
     OutputFolder {

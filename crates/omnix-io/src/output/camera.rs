@@ -35,16 +35,19 @@ impl Camera {
     /// The camera of a result, or an error that names what is missing.
     pub(super) fn of(frame: &FrameResult<'_>, export: Export) -> Result<Self, IoError> {
         let missing = |missing| IoError::MissingField { export: export.name(), missing, index: frame.index };
-        let w2c = frame.extrinsics.ok_or_else(|| missing("extrinsics"))?;
-        let k = rows3(frame.intrinsics.ok_or_else(|| missing("intrinsics"))?);
-        let rotation = rows3(w2c.map(|row| [row[0], row[1], row[2]]));
-        let translation = DVec3::from_array(w2c.map(|row| f64::from(row[3])));
+        let extrinsics = frame.extrinsics.ok_or_else(|| missing("extrinsics"))?;
+        let intrinsics = frame.intrinsics.ok_or_else(|| missing("intrinsics"))?;
+        Self::new(extrinsics, intrinsics).ok_or_else(|| missing("an invertible camera"))
+    }
+
+    /// The camera of world-to-camera extrinsics and intrinsics; none if they cannot be inverted.
+    pub(super) fn new(extrinsics: [[f32; 4]; 3], intrinsics: [[f32; 3]; 3]) -> Option<Self> {
+        let rotation = rows3(extrinsics.map(|row| [row[0], row[1], row[2]]));
+        let translation = DVec3::from_array(extrinsics.map(|row| f64::from(row[3])));
         // A transposed rotation would do for exact poses; predicted ones are orthonormal only to rounding.
-        let (back, rays) = (rotation.inverse(), k.inverse());
-        if !(back.is_finite() && rays.is_finite() && translation.is_finite()) {
-            return Err(missing("an invertible camera"));
-        }
-        Ok(Self { rotation, translation, back, rays })
+        let (back, rays) = (rotation.inverse(), rows3(intrinsics).inverse());
+        let sound = back.is_finite() && rays.is_finite() && translation.is_finite();
+        sound.then_some(Self { rotation, translation, back, rays })
     }
 
     /// Camera point of pixel (u, v) at depth d.
@@ -60,6 +63,11 @@ impl Camera {
     /// Camera point of a world point.
     pub(super) fn to_camera(self, point: DVec3) -> DVec3 {
         self.rotation * point + self.translation
+    }
+
+    /// Camera-to-world rotation and centre.
+    pub(super) fn camera_to_world(self) -> (DMat3, DVec3) {
+        (self.back, self.to_world(DVec3::ZERO))
     }
 
     /// Camera-to-world position and orientation (x, y, z, w; w not negative).

@@ -6,15 +6,26 @@
 
 mod atomic;
 mod camera;
+mod choose;
 mod colour;
 mod depth;
+pub mod field;
 mod glb;
+mod glb_motion;
+mod gltf;
 pub mod manifest;
+mod masks;
 pub mod motion;
+mod motion_out;
+mod npy;
 mod npz;
+mod omx4d;
 mod ply;
 mod sample;
+mod st4rtrack;
+mod tracks;
 mod tum;
+mod voxel;
 
 use std::{
     fmt,
@@ -23,7 +34,12 @@ use std::{
 };
 
 pub use atomic::check_output_folder;
+pub use choose::{PointOptions, choose_points};
 pub use colour::spectral;
+pub use glb_motion::{GlbMotionOptions, write_glb_motion};
+pub use motion_out::{MotionInput, MotionOptions, MotionStream, write_motion};
+pub use omx4d::{Omx4dOptions, write_omx4d};
+pub use voxel::{VoxelChoice, VoxelOptions, choose_voxel};
 
 use crate::IoError;
 
@@ -39,13 +55,32 @@ pub enum Export {
     Depth,
     /// `points.ply`.
     Ply,
-    /// `scene.glb`.
+    /// `scene.glb`; with points that move where the network has motion.
     Glb,
     /// `trajectory.tum` and `frame_times.csv`.
     Tum,
+    /// `exports/tracks/NNNNNN.npz`: paths of points, one archive a source image.
+    Tracks,
+    /// `exports/st4rtrack/`: the folder that St4RTrack's viewer reads.
+    St4rtrack,
+    /// `scene.omx4d`: moving points for web viewers.
+    Omx4d,
+    /// `masks/NNNNNN.png` and `theta/NNNNNN.png`: which pixels move, and how surely.
+    Masks,
 }
 
-const EXPORTS: [Export; 6] = [Export::Npz, Export::MiniNpz, Export::Depth, Export::Ply, Export::Glb, Export::Tum];
+const EXPORTS: [Export; 10] = [
+    Export::Npz,
+    Export::MiniNpz,
+    Export::Depth,
+    Export::Ply,
+    Export::Glb,
+    Export::Tum,
+    Export::Tracks,
+    Export::St4rtrack,
+    Export::Omx4d,
+    Export::Masks,
+];
 
 impl Export {
     /// Its name on the command line.
@@ -58,13 +93,17 @@ impl Export {
             Self::Ply => "ply",
             Self::Glb => "glb",
             Self::Tum => "tum",
+            Self::Tracks => "tracks",
+            Self::St4rtrack => "st4rtrack",
+            Self::Omx4d => "omx4d",
+            Self::Masks => "masks",
         }
     }
 
     /// Whether it needs extrinsics and intrinsics, so that a network without cameras can be refused before the run.
     #[must_use]
     pub fn needs_cameras(self) -> bool {
-        matches!(self, Self::Ply | Self::Glb | Self::Tum)
+        matches!(self, Self::Ply | Self::Glb | Self::Tum) || self.needs_motion()
     }
 
     /// A list such as "npz,glb" (or "npz-glb", as the reference writes it), in its order, repeats dropped.
@@ -90,7 +129,7 @@ impl FromStr for Export {
         EXPORTS.into_iter().find(|e| e.name() == name).ok_or_else(|| IoError::UnknownName {
             what: "export",
             name: name.to_owned(),
-            known: "npz, mini_npz, depth, ply, glb, tum",
+            known: "npz, mini_npz, depth, ply, glb, tum, tracks, st4rtrack, omx4d, masks",
         })
     }
 }
@@ -207,7 +246,16 @@ impl Default for SinkOptions {
     }
 }
 
-/// Makes the output folder, proves that it can be written to, and opens one sink for each export.
+/// An error unless it is a number of images a second.
+fn check_rate(fps: f64) -> Result<(), IoError> {
+    if fps.is_finite() && fps > 0.0 {
+        return Ok(());
+    }
+    Err(IoError::BadChoice { reason: format!("{fps} images a second cannot be played") })
+}
+
+/// Makes the output folder, proves that it can be written to, and opens one sink for each export that is made of single images' results;
+/// those that need motion are written by [`write_motion`] and [`MotionStream`].
 ///
 /// # Errors
 /// A folder that cannot be made or written to: found here, before any work.
@@ -222,6 +270,7 @@ pub fn open_sinks(exports: &[Export], dir: &Path, options: &SinkOptions) -> Resu
             Export::Ply => Box::new(ply::PlySink::new(dir, options)?),
             Export::Glb => Box::new(glb::GlbSink::new(dir, options)),
             Export::Tum => Box::new(tum::TumSink::new(dir)),
+            Export::Tracks | Export::St4rtrack | Export::Omx4d | Export::Masks => continue,
         });
     }
     Ok(sinks)

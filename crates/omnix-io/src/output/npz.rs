@@ -16,6 +16,7 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 use super::{
     Export, FrameResult, RunSummary, Sink,
     atomic::{AtomicFile, Spool},
+    npy,
 };
 use crate::IoError;
 
@@ -143,7 +144,8 @@ impl Sink for NpzSink {
             let method = if large { CompressionMethod::Stored } else { CompressionMethod::Deflated };
             let options = SimpleFileOptions::default().compression_method(method).large_file(large);
             zip.start_file(format!("{}.npy", column.name), options).map_err(fail)?;
-            let header = npy_header(column.dtype, self.images, &column.shape);
+            let shape: Vec<usize> = [self.images].into_iter().chain(column.shape).collect();
+            let header = npy::header(column.dtype, &shape);
             zip.write_all(&header).map_err(|e| IoError::write(&self.path, e))?;
             // A write that failed in the middle of an image may have left more than the finished images.
             let whole = self.images as u64 * column.image_bytes;
@@ -165,30 +167,9 @@ fn little_endian(values: impl Iterator<Item = f32>) -> Vec<u8> {
     values.flat_map(f32::to_le_bytes).collect()
 }
 
-/// NPY 1.0 header, padded so that the data starts at a multiple of 64.
-fn npy_header(dtype: &str, images: usize, shape: &[usize]) -> Vec<u8> {
-    let tail: Vec<String> = shape.iter().map(ToString::to_string).collect();
-    let mut text =
-        format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({images}, {}), }}", tail.join(", "));
-    let unpadded = 10 + text.len() + 1;
-    text.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(64) - unpadded));
-    text.push('\n');
-    let mut header = b"\x93NUMPY\x01\x00".to_vec();
-    header.extend_from_slice(&(text.len() as u16).to_le_bytes());
-    header.extend_from_slice(text.as_bytes());
-    header
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn header_is_padded() {
-        let header = npy_header("<f4", 24, &[280, 504]);
-        assert_eq!(header.len() % 64, 0);
-        assert_eq!(header.last(), Some(&b'\n'));
-    }
 
     #[test]
     fn rounding_as_numpy() {

@@ -51,7 +51,7 @@ impl<T> Reservoir<T> {
 }
 
 /// SplitMix64's output function: a bijection, so no two positions share a key.
-fn key(seed: u64, position: u64) -> u64 {
+pub(super) fn key(seed: u64, position: u64) -> u64 {
     let mut z = position.wrapping_add(seed).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -1,0 +1,9 @@
+//! Exports of motion, the choice of points and saved fields, read back by other code.
+
+mod bad_input;
+mod choose;
+mod field;
+mod glb;
+mod images;
+mod made;
+mod omx4d;
