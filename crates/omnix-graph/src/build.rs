@@ -5,10 +5,12 @@ mod dense;
 mod image;
 mod index;
 mod layout;
+mod motion;
 mod pointwise;
 
 pub use attend::{HeadNorm, Heads};
 pub use layout::Piece;
+pub use motion::Expand;
 
 use crate::error::GraphError;
 use crate::graph::{Graph, Value};

@@ -134,13 +134,17 @@ fn life(root: usize, bytes: u64, made: usize, last: usize, segments: &[Segment],
     Life { root, bytes, from: widen(made).start, to: widen(last).end - 1 }
 }
 
-/// Roots that some kernel reads through 64 KiB uniform windows: keys and values of attention.
+/// Roots that some kernel reads through 64 KiB uniform windows: keys and values of attention, the field as
+/// trajectories read it.
 fn windowed_roots(graph: &Graph) -> Vec<bool> {
     let mut windowed = vec![false; graph.values.len()];
     for node in &graph.nodes {
         if let Op::Attention(a) = &node.op {
             windowed[graph.root(a.k).0 as usize] = true;
             windowed[graph.root(a.v).0 as usize] = true;
+        }
+        if let Op::Trajectory(_) = &node.op {
+            windowed[node.outputs[3].0 as usize] = true;
         }
     }
     windowed
