@@ -136,6 +136,19 @@ def check_tum(path):
     return f"{trajectory.num_poses} poses, {trajectory.path_length:.4g} long"
 
 
+def check_tum_against_npz(folder):
+    """The poses must be the inverses of the archive's world-to-camera matrices."""
+    import numpy as np
+    from evo.tools import file_interface
+
+    extrinsics = np.load(folder / "exports/npz/results.npz")["extrinsics"].astype(np.float64)
+    poses = np.stack(file_interface.read_tum_trajectory_file(str(folder / "trajectory.tum")).poses_se3)
+    product = extrinsics @ poses
+    error = np.abs(product - np.eye(4)[:3]).max() / max(1.0, np.abs(poses).max())
+    assert len(poses) == len(extrinsics) and error < 1e-3, f"off by {error}"
+    return f"{len(poses)} poses, worst {error:.2g}"
+
+
 def check_glb(path):
     done = subprocess.run(["node", str(HERE / "check_glb.mjs"), str(path)], capture_output=True, text=True)
     if done.returncode == 2:
@@ -161,6 +174,8 @@ def plan(folder):
             checks.append(("depth = npz", ["numpy", "PIL"], lambda: check_depth_against_npz(folder)))
     for path in sorted(folder.glob("trajectory*.tum")):
         checks.append((path.name, ["evo"], lambda p=path: check_tum(p)))
+    if (folder / "trajectory.tum").exists() and npz.exists():
+        checks.append(("trajectory.tum = npz", ["evo", "numpy"], lambda: check_tum_against_npz(folder)))
     if (folder / "scene.glb").exists():
         checks.append(("scene.glb", [], lambda: check_glb(folder / "scene.glb")))
     return checks

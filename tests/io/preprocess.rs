@@ -117,6 +117,34 @@ fn three_pixels_wide() {
 }
 
 #[test]
+fn any_size_and_method_gives_patches_or_an_error() {
+    let names = ["upper_bound_resize", "upper_bound_crop", "lower_bound_resize", "lower_bound_crop"];
+    let (mut state, mut refused) = (1u32, 0);
+    let mut random = |most: u32| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        1 + (state >> 8) % most
+    };
+    for case in 0..240 {
+        // Every fourth picture is a strip.
+        let (w, h) = (random(200), random(if case % 4 == 0 { 9 } else { 200 }));
+        let settings = Da3Preprocess { process_res: random(150), method: names[case % 4].parse().unwrap() };
+        let label = format!("{w} x {h} {settings:?}");
+        match settings.output_size(w, h) {
+            Ok(size) => {
+                let out = settings.apply(&pattern(w, h), None).unwrap().picture;
+                assert_eq!((out.width, out.height), size, "{label}");
+                assert!(size.0 > 0 && size.1 > 0 && size.0 % 14 == 0 && size.1 % 14 == 0, "{label}: {size:?}");
+            }
+            Err(error) => {
+                assert!(matches!(error, omnix_io::IoError::DegenerateSize { .. }), "{label}: {error}");
+                refused += 1;
+            }
+        }
+    }
+    assert!((1..100).contains(&refused), "{refused} refused");
+}
+
+#[test]
 fn exported_picture_truncates() {
     let picture = pattern(64, 64);
     let out = exported_picture(&picture);

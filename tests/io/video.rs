@@ -87,6 +87,33 @@ fn chosen_frames_and_going_back() {
 }
 
 #[test]
+fn more_chosen_frames_than_ffmpeg_selects_itself() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("long.mkv");
+    ffmpeg(&[
+        "-f",
+        "lavfi",
+        "-i",
+        "testsrc2=s=64x48:r=100:d=3.2,noise=alls=40:allf=t",
+        "-c:v",
+        "ffv1",
+        path.to_str().unwrap(),
+    ]);
+    let (all, some) = (plan(&path, FrameChoice::All), plan(&path, FrameChoice::Count(300)));
+    assert_eq!((all.frames.len(), some.frames.len()), (320, 300));
+    let pictures: Vec<Picture> = {
+        let mut loader = FrameLoader::new(&all);
+        (0..320).map(|i| loader.load(i).unwrap()).collect()
+    };
+    assert!(pictures.windows(2).all(|w| w[0] != w[1]), "every frame differs from the next");
+    let mut loader = FrameLoader::new(&some);
+    for frame in &some.frames {
+        let picture = loader.load(frame.index).unwrap();
+        assert!(picture == pictures[frame.source_frame as usize], "frame {}", frame.source_frame);
+    }
+}
+
+#[test]
 fn two_videos_and_a_photo() {
     let dir = tempfile::tempdir().unwrap();
     let first = clip(dir.path(), "a.mp4", 6, &[]);

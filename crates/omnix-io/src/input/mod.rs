@@ -44,7 +44,7 @@ pub enum SourceKind {
 #[derive(Debug, Clone)]
 pub struct Source {
     /// The command-line input it came from, as given.
-    pub input: String,
+    pub input: PathBuf,
     /// The picture, folder or video file; the pattern itself for a pattern.
     pub path: PathBuf,
     /// Video index: position in [`InputPlan::sources`].
@@ -93,7 +93,7 @@ pub struct InputPlan {
 /// # Errors
 /// An input that does not exist, has no frames, is of an unknown type, is not what its name says, or is cut off; ffprobe
 /// missing when an input is a video; a choice of no frames.
-pub fn probe<S: AsRef<str>>(inputs: &[S], choice: FrameChoice) -> Result<InputPlan, IoError> {
+pub fn probe<P: AsRef<Path>>(inputs: &[P], choice: FrameChoice) -> Result<InputPlan, IoError> {
     choice.check()?;
     let mut plan = InputPlan { sources: Vec::new(), frames: Vec::new(), notes: Vec::new() };
     for input in inputs {
@@ -149,7 +149,7 @@ pub fn probe<S: AsRef<str>>(inputs: &[S], choice: FrameChoice) -> Result<InputPl
         Ok::<(), IoError>(())
     })?;
     if frames.is_empty() {
-        let path = inputs.first().map_or_else(PathBuf::new, |input| input.as_ref().into());
+        let path = inputs.first().map_or_else(PathBuf::new, |input| input.as_ref().to_owned());
         return Err(IoError::NoFrames { found: "no inputs".into(), path });
     }
     plan.frames = frames;

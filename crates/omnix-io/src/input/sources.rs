@@ -9,8 +9,8 @@ use super::{Source, SourceKind, extension, is_image, is_video, video};
 use crate::IoError;
 
 /// Appends the videos of one input.
-pub(super) fn resolve(input: &str, sources: &mut Vec<Source>, notes: &mut Vec<String>) -> Result<(), IoError> {
-    let path = PathBuf::from(input);
+pub(super) fn resolve(input: &Path, sources: &mut Vec<Source>, notes: &mut Vec<String>) -> Result<(), IoError> {
+    let path = input.to_owned();
     let mut push = |path: PathBuf, kind: SourceKind| {
         let video = sources.len() as u32;
         sources.push(Source { input: input.to_owned(), path, video, kind });
@@ -65,10 +65,10 @@ fn folder_videos(folder: &Path, notes: &mut Vec<String>) -> Result<Vec<(PathBuf,
 }
 
 /// Matching pictures of a pattern, sorted by path as text.
-fn pattern_files(pattern: &str, notes: &mut Vec<String>) -> Result<Vec<PathBuf>, IoError> {
-    if !pattern.contains(['*', '?', '[']) {
-        return Err(IoError::NotFound { path: pattern.into() });
-    }
+fn pattern_files(input: &Path, notes: &mut Vec<String>) -> Result<Vec<PathBuf>, IoError> {
+    let Some(pattern) = input.to_str().filter(|p| p.contains(['*', '?', '['])) else {
+        return Err(IoError::NotFound { path: input.to_owned() });
+    };
     let matches =
         glob::glob(pattern).map_err(|e| IoError::BadPattern { pattern: pattern.to_owned(), reason: e.to_string() })?;
     let mut images = Vec::new();

@@ -3,7 +3,11 @@
 //! Packets are read, not decoded: an hour of video takes about a second. Times are the packets' presentation times in
 //! ascending order, which is the order ffmpeg hands frames out in.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
 
 use serde::Deserialize;
 
@@ -35,6 +39,14 @@ struct Probe {
     packets: Vec<Packet>,
     #[serde(default)]
     streams: Vec<Stream>,
+    #[serde(default)]
+    format: Format,
+}
+
+#[derive(Deserialize, Default)]
+struct Format {
+    #[serde(default)]
+    format_name: String,
 }
 
 #[derive(Deserialize)]
@@ -78,7 +90,7 @@ pub fn probe_video(path: &Path) -> Result<VideoInfo, IoError> {
         .args(["-v", "error", "-select_streams", "V:0", "-of", "json", "-show_entries"])
         .arg(
             "stream=codec_name,width,height,avg_frame_rate,nb_frames:stream_tags=rotate:stream_side_data=rotation:\
-             packet=pts_time,dts_time,flags",
+             packet=pts_time,dts_time,flags:format=format_name",
         )
         .arg(ffmpeg::file_url(path))
         .output()
@@ -101,9 +113,14 @@ pub fn probe_video(path: &Path) -> Result<VideoInfo, IoError> {
     }
     let frame_rate = stream.avg_frame_rate.as_deref().and_then(ratio);
     let found = probe.packets.len();
+    // Only the mp4 family's index is a promise; AVI counts empty chunks too.
+    let indexed = probe.format.format_name.contains("mp4");
     let promised = stream.nb_frames.as_deref().and_then(|n| n.parse::<usize>().ok());
-    if let Some(promised) = promised.filter(|&promised| promised > found) {
+    if let Some(promised) = promised.filter(|&promised| indexed && promised > found) {
         let detail = format!("{found} of {promised} frames are there");
+        return Err(IoError::TruncatedVideo { detail, path: path.to_owned() });
+    }
+    if let Some(detail) = riff_cut_off(path) {
         return Err(IoError::TruncatedVideo { detail, path: path.to_owned() });
     }
     if ffmpeg::speaks_of_truncation(&stderr) {
@@ -119,10 +136,23 @@ pub fn probe_video(path: &Path) -> Result<VideoInfo, IoError> {
     Ok(VideoInfo { path: path.to_owned(), width, height, rotation, frame_rate, times_s, codec })
 }
 
+/// AVI files state their own length; ffmpeg plays a shorter file without a word.
+fn riff_cut_off(path: &Path) -> Option<String> {
+    let mut head = [0u8; 12];
+    let mut file = File::open(path).ok()?;
+    file.read_exact(&mut head).ok()?;
+    let stated = u64::from(u32::from_le_bytes([head[4], head[5], head[6], head[7]])) + 8;
+    let found = file.metadata().ok()?.len();
+    // Programs that never went back to fill the length in leave 0 or all ones.
+    let filled = (9..u64::from(u32::MAX)).contains(&stated);
+    let avi = head.starts_with(b"RIFF") && head.ends_with(b"AVI ");
+    (avi && filled && found < stated).then(|| format!("{found} of {stated} bytes are there"))
+}
+
 /// Tells a cut-off mp4 (its index was at the end) from a text file named .mp4.
 fn looks_like_video(path: &Path) -> bool {
     let mut head = [0u8; 12];
-    let read = std::fs::File::open(path).and_then(|mut f| std::io::Read::read(&mut f, &mut head));
+    let read = File::open(path).and_then(|mut f| f.read(&mut head));
     read.is_ok_and(|n| n >= 8) && matches!(&head[4..8], b"ftyp" | b"moov" | b"mdat" | b"wide" | b"free" | b"skip")
 }
 
