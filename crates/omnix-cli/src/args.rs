@@ -146,7 +146,7 @@ fn reference(text: &str) -> Result<ReferenceChoice, String> {
         "saddle_sim_range" => Ok(ReferenceChoice::SaddleSimRange),
         index => index
             .parse()
-            .map(ReferenceChoice::Index)
+            .map(ReferenceChoice::Forced)
             .map_err(|_| "first, middle, saddle_balanced, saddle_sim_range or an index from 0".to_owned()),
     }
 }

@@ -195,7 +195,9 @@ impl Executable {
         node_flops(&self.plan.graph, node) * range.len() as u64 / all.max(1) as u64
     }
 
-    pub(crate) fn gpu(&self) -> &Gpu {
+    /// The device it runs on.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
