@@ -1,17 +1,29 @@
 //! Host structs against what naga sees: size, and every member's name and offset.
 
 use omnix_kernels::layout::{HostParams, Layout};
-use omnix_kernels::{attention, layer_norm, linear, reduce, softmax, split_heads};
+use omnix_kernels::{
+    attention, conv2d, copy, gather, layer_norm, linear, pointwise, reduce, reference_view, resize, softmax,
+    split_heads, swiglu, top_k,
+};
 use omnix_shaders::ALL;
 
 /// The host's `Params` of every kernel.
 const HOST: &[(&str, Layout)] = &[
     ("attention", attention::AttentionParams::LAYOUT),
+    ("conv2d", conv2d::Conv2dParams::LAYOUT),
+    ("copy", copy::CopyParams::LAYOUT),
+    ("gather", gather::RowsParams::LAYOUT),
     ("layer_norm", layer_norm::LayerNormParams::LAYOUT),
     ("linear", linear::LinearParams::LAYOUT),
+    ("pointwise", pointwise::PointwiseParams::LAYOUT),
     ("reduce", reduce::ReduceParams::LAYOUT),
+    ("reference_view", reference_view::ReferenceViewParams::LAYOUT),
+    ("resize", resize::ResizeParams::LAYOUT),
+    ("scatter", gather::RowsParams::LAYOUT),
     ("softmax", softmax::SoftmaxParams::LAYOUT),
     ("split_heads", split_heads::SplitHeadsParams::LAYOUT),
+    ("swiglu", swiglu::SwiGluParams::LAYOUT),
+    ("top_k", top_k::TopKParams::LAYOUT),
 ];
 
 #[test]

@@ -7,7 +7,8 @@ mod index;
 mod layout;
 mod pointwise;
 
-pub use attend::{Heads, HeadNorm};
+pub use attend::{HeadNorm, Heads};
+pub use layout::Piece;
 
 use crate::error::GraphError;
 use crate::graph::{Graph, Value};

@@ -12,7 +12,7 @@ pub use omnix_kernels::copy::{Copy as StridedCopy, Strided};
 pub use omnix_kernels::pointwise::{Binary, Unary};
 pub use omnix_kernels::reduce::ReduceOp;
 pub use omnix_kernels::reference_view::Strategy;
-pub use omnix_kernels::resize::{Corners, Filter};
+pub use omnix_kernels::resize::{Corners, Filter, Ratio};
 pub use omnix_kernels::split_heads::HeadLayout;
 
 use crate::graph::Value;

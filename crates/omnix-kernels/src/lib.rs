@@ -19,12 +19,23 @@ pub mod program;
 pub mod run;
 
 mod activation;
+mod cover;
+
 pub mod attention;
+pub mod conv2d;
+pub mod copy;
+pub mod gather;
 pub mod layer_norm;
 pub mod linear;
+pub mod pointwise;
 pub mod reduce;
+pub mod reference_view;
+pub mod resize;
+pub mod scatter;
 pub mod softmax;
 pub mod split_heads;
+pub mod swiglu;
+pub mod top_k;
 
 pub use activation::Activation;
 pub use caps::{Caps, Tier};

@@ -16,14 +16,15 @@ fn with_width(shape: &Shape, width: usize) -> Shape {
 }
 
 impl Graph {
-    /// `x [.., k] · wᵀ + bias` with `w [n, k]`, `bias [n]`: `[.., n]`. A 1×1 convolution's `[n, k, 1, 1]` will do.
+    /// `x [.., k] · wᵀ + bias` with `w [n, k]`, `bias [n]`: `[.., n]`. The kernel `[n, channels, rows, columns]` of a
+    /// convolution will do where each row of `x` is what it covers, in this order.
     ///
     /// # Errors
     /// When a shape does not fit.
     pub fn linear(&mut self, x: Value, w: Value, bias: Option<Value>) -> Result<Value, GraphError> {
         let k = self.shape(x).width();
-        let n = match **self.shape(w) {
-            [n, depth] | [n, depth, 1, 1] if depth == k => n,
+        let n = match &**self.shape(w) {
+            [n, rest @ ..] if !rest.is_empty() && rest.iter().product::<usize>() == k => *n,
             _ => return Err(self.misfit("linear", w, format!("[n, {k}]"))),
         };
         self.linear_of(x, w, WeightForm::Linear, n, bias)

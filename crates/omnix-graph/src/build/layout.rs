@@ -4,6 +4,21 @@ use crate::error::GraphError;
 use crate::graph::{Graph, Shape, Source, Value};
 use crate::op::{Op, Strided, StridedCopy};
 
+/// A block of a value and where it goes in the result of [`Graph::assemble`].
+#[derive(Clone, Debug)]
+pub struct Piece {
+    /// Source.
+    pub value: Value,
+    /// Extents, as many axes as the result has.
+    pub dims: Vec<usize>,
+    /// First element read, counted in row-major order.
+    pub start: usize,
+    /// Elements from one index to the next in the source, axis by axis; 0 repeats.
+    pub strides: Vec<usize>,
+    /// Index in the result where the block begins.
+    pub at: Vec<usize>,
+}
+
 /// Row-major strides of `dims`.
 fn strides(dims: &[usize]) -> Vec<usize> {
     let mut out = vec![1; dims.len()];
@@ -100,6 +115,34 @@ impl Graph {
             })
             .collect();
         Ok(self.push_one(Op::Copy { pieces }, dims.as_slice()))
+    }
+
+    /// A value put together from blocks, each a strided part of some value: slices, broadcasts and concatenation in one
+    /// pass. The blocks must cover the result and not overlap.
+    ///
+    /// # Errors
+    /// When a block reads outside its source or leaves the result.
+    pub fn assemble(&mut self, shape: impl Into<Shape>, pieces: &[Piece]) -> Result<Value, GraphError> {
+        let shape = shape.into();
+        let to = strides(&shape);
+        let mut copies = Vec::with_capacity(pieces.len());
+        for Piece { value, dims, start, strides: from, at } in pieces {
+            let axes = [dims.len(), from.len(), at.len()];
+            let inside = axes == [shape.len(); 3] && dims.iter().zip(at).zip(&*shape).all(|((n, a), all)| a + n <= *all);
+            if !inside {
+                return Err(self.misfit("assemble", *value, format!("a block {dims:?} at {at:?} of {shape}")));
+            }
+            if dims.contains(&0) {
+                continue;
+            }
+            let end = start + dims.iter().zip(from).map(|(n, s)| (n - 1) * s).sum::<usize>();
+            if end >= self.shape(*value).elements() {
+                return Err(self.misfit("assemble", *value, format!("more than {end} elements")));
+            }
+            let first = at.iter().zip(&to).map(|(a, s)| a * s).sum();
+            copies.push((*value, strided(dims, (*start, from), (first, &to))));
+        }
+        Ok(self.push_one(Op::Copy { pieces: copies }, shape))
     }
 
     /// `count` copies of `x` along a new first axis.

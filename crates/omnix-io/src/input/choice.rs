@@ -10,7 +10,8 @@ pub enum FrameChoice {
     All,
     /// This many frames, evenly spread, the first and the last among them; all of them if there are fewer.
     Count(usize),
-    /// At most this many frames a second, by presentation time: the first frame at or after each tick.
+    /// At most this many frames a second, by presentation time: the first frame at or after each tick. (The reference takes every
+    /// k-th frame, `k = max(1, floor(video_fps / fps))`, which can be nearly twice as many.)
     Fps(f64),
 }
 

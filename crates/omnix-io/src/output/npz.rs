@@ -7,7 +7,7 @@
 //! Format of an array: NPY version 1.0, C order, little endian.
 
 use std::{
-    io::{self, Write},
+    io::{self, Read, Write},
     path::{Path, PathBuf},
 };
 
@@ -31,6 +31,8 @@ struct Column {
     name: &'static str,
     dtype: &'static str,
     shape: Vec<usize>,
+    /// Bytes of one image's part.
+    image_bytes: u64,
     spool: Spool,
 }
 
@@ -56,7 +58,13 @@ impl NpzSink {
         if self.images == 0 {
             let spool = Spool::new(&self.dir, self.path.clone())?;
             let shape = part.shape.clone();
-            self.columns.push(Column { name: part.name, dtype: part.dtype, shape, spool });
+            self.columns.push(Column {
+                name: part.name,
+                dtype: part.dtype,
+                shape,
+                image_bytes: part.bytes.len() as u64,
+                spool,
+            });
         }
         let wrong = |expected: &[usize]| IoError::WrongSize {
             export: self.layout.export().name(),
@@ -137,7 +145,9 @@ impl Sink for NpzSink {
             zip.start_file(format!("{}.npy", column.name), options).map_err(fail)?;
             let header = npy_header(column.dtype, self.images, &column.shape);
             zip.write_all(&header).map_err(|e| IoError::write(&self.path, e))?;
-            let mut body = column.spool.into_reader()?;
+            // A write that failed in the middle of an image may have left more than the finished images.
+            let whole = self.images as u64 * column.image_bytes;
+            let mut body = column.spool.into_reader()?.take(whole);
             io::copy(&mut body, &mut zip).map_err(|e| IoError::write(&self.path, e))?;
         }
         zip.finish().map_err(fail)?;

@@ -1,0 +1,35 @@
+//! Windows over tensors of 32-bit words: where they start, what remainder the shader adds, how much fits.
+
+use crate::dispatch::Window;
+use crate::{Arg, Caps};
+
+/// A window of `arg` over the words `first..first + len`. It starts at the aligned offset at or below
+/// `first`; the second value is the distance in words, which the shader adds.
+pub(crate) fn cover(arg: Arg, first: u64, len: u64, caps: &Caps) -> (Window, u32) {
+    let offset = first * 4 / caps.align * caps.align;
+    let rest = first - offset / 4;
+    (arg.window(offset, (rest + len) * 4), rest as u32)
+}
+
+/// Words of any one piece of a tensor that a dispatch can surely see, wherever the piece starts.
+pub(crate) fn room(caps: &Caps) -> u64 {
+    // Shaders count words in 32 bits.
+    (caps.max_binding.saturating_sub(caps.align) / 4).min(1 << 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{cover, room};
+    use crate::{Arg, Caps};
+
+    #[test]
+    fn windows_start_aligned_and_fit() {
+        let caps = Caps { max_binding: 1024, ..Caps::baseline() };
+        for first in [0, 1, 63, 64, 65, 1000] {
+            let (window, rest) = cover(Arg(0), first, room(&caps), &caps);
+            assert_eq!(window.offset % 256, 0);
+            assert_eq!(window.offset / 4 + u64::from(rest), first);
+            assert!(window.size.is_some_and(|s| s <= 1024), "{window:?}");
+        }
+    }
+}

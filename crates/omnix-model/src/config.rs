@@ -1,0 +1,236 @@
+//! What fixes a network: widths, blocks, where attention alternates, the head's channels.
+//!
+//! Two file formats lead here ([`NetworkConfig::from_json`]): the `config.json` published with Depth Anything 3
+//! (`spec/da3.md` section 12: a known `model_name`, else the tree under `config`) and `omnix-1` (`spec/omnix.md` section
+//! 1.1). Every value is checked before a graph is recorded; complaints name the field, its value and what may be there.
+
+mod check;
+mod da3;
+mod fields;
+mod omnix;
+
+use serde_json::Value;
+
+use crate::ModelError;
+use fields::Fields;
+
+/// Which published design a network follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Family {
+    /// Depth Anything 3, any view: the reference view is selected.
+    DepthAnything3,
+    /// OmniX: the first image is the reference; time codes; clamped exponents.
+    OmniX,
+}
+
+/// The feed-forward layer of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FeedForward {
+    /// `fc2(gelu(fc1 x))`.
+    Mlp {
+        /// Width between the two.
+        hidden: usize,
+    },
+    /// `w3(silu(a) · b)`, `(a | b)` the halves of `w12 x`.
+    SwiGlu {
+        /// Width of a half.
+        hidden: usize,
+    },
+}
+
+impl FeedForward {
+    /// The SwiGLU of a width: hidden `8 · ceil(trunc(ratio · width · 2/3) / 8)`.
+    #[must_use]
+    pub const fn swiglu(width: usize, ratio: usize) -> Self {
+        Self::SwiGlu { hidden: (ratio * width * 2 / 3).div_ceil(8) * 8 }
+    }
+}
+
+/// Time codes added to all tokens before a block (OmniX).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeConfig {
+    /// Before this block.
+    pub from: usize,
+    /// Base of the frequencies.
+    pub base: f64,
+}
+
+/// The encoder.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BackboneConfig {
+    /// Channels of a token.
+    pub width: usize,
+    /// Number of blocks.
+    pub blocks: usize,
+    /// Attention heads.
+    pub heads: usize,
+    /// Feed-forward layer.
+    pub ffn: FeedForward,
+    /// Side of the stored position table.
+    pub position_grid: usize,
+    /// Blocks whose outputs are the four features, counted from 0.
+    pub out_layers: [usize; 4],
+    /// From this block on, odd blocks attend over all views; the camera token enters before it.
+    pub alternate_from: usize,
+    /// First block with a norm on queries and keys.
+    pub qk_norm_from: Option<usize>,
+    /// First block with RoPE.
+    pub rope_from: Option<usize>,
+    /// Base of RoPE's frequencies.
+    pub rope_base: f64,
+    /// Time codes, if it has any.
+    pub time: Option<TimeConfig>,
+}
+
+impl BackboneConfig {
+    /// Channels of a head.
+    #[must_use]
+    pub fn head_dim(&self) -> usize {
+        self.width / self.heads
+    }
+
+    /// Whether block `i` attends over all views.
+    #[must_use]
+    pub fn is_global(&self, i: usize) -> bool {
+        i >= self.alternate_from && i % 2 == 1
+    }
+
+    /// Channels of a feature: the last local block's output beside the block's own.
+    #[must_use]
+    pub fn feature_width(&self) -> usize {
+        2 * self.width
+    }
+}
+
+/// The dense head (DualDPT).
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeadConfig {
+    /// Channels of the fusion chains.
+    pub features: usize,
+    /// Channels of the four projections.
+    pub channels: [usize; 4],
+    /// Convolutions between the ray branch's fusion chain and its output.
+    pub aux_convs: usize,
+    /// Exponents of depth and confidence are clamped to plus and minus this.
+    pub logit_clamp: Option<f32>,
+}
+
+/// The camera encoder for given cameras; its width is the backbone's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CameraEncoderConfig {
+    /// Number of blocks.
+    pub blocks: usize,
+    /// Attention heads, whatever the width.
+    pub heads: usize,
+    /// Hidden width of the blocks over the width.
+    pub mlp_ratio: usize,
+}
+
+impl Default for CameraEncoderConfig {
+    fn default() -> Self {
+        Self { blocks: 4, heads: 16, mlp_ratio: 4 }
+    }
+}
+
+/// Where world points come from (OmniX).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointsFrom {
+    /// Ray maps: origin + depth · direction.
+    Rays,
+    /// Depth, intrinsics and pose.
+    Camera,
+}
+
+/// A part of a checkpoint that is known and not run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeftOut {
+    /// `gs_head.`: Gaussians.
+    GaussianHead,
+    /// `st_mod.`, `offset_head.`: trajectories.
+    Trajectory,
+}
+
+impl LeftOut {
+    /// The beginnings of its tensors' names.
+    #[must_use]
+    pub const fn prefixes(self) -> &'static [&'static str] {
+        match self {
+            Self::GaussianHead => &["gs_head."],
+            Self::Trajectory => &["st_mod.", "offset_head."],
+        }
+    }
+
+    /// One sentence for users.
+    #[must_use]
+    pub const fn note(self) -> &'static str {
+        match self {
+            Self::GaussianHead => "the checkpoint's Gaussian head is not used: this version makes no Gaussians",
+            Self::Trajectory => "the checkpoint's trajectory module is not used: this version makes geometry only",
+        }
+    }
+}
+
+/// A whole network.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NetworkConfig {
+    /// For messages and manifests: `da3-small`, `omnix`, or what the file says.
+    pub name: String,
+    /// The design it follows.
+    pub family: Family,
+    /// The prefix of the tensors' names, where the configuration says it.
+    pub key_prefix: Option<String>,
+    /// The encoder.
+    pub backbone: BackboneConfig,
+    /// Depth, confidence and rays.
+    pub head: HeadConfig,
+    /// For given cameras, if it has one.
+    pub camera_encoder: Option<CameraEncoderConfig>,
+    /// Where world points come from.
+    pub points: PointsFrom,
+    /// What the checkpoint has beyond this.
+    pub left_out: Vec<LeftOut>,
+}
+
+impl NetworkConfig {
+    /// Reads a `config.json` of either format and checks every value.
+    ///
+    /// # Errors
+    /// [`ModelError::FieldMissing`] and [`ModelError::BadField`] name the field; [`ModelError::Unsupported`] a network of
+    /// another kind.
+    pub fn from_json(value: &Value) -> Result<Self, ModelError> {
+        let root = Fields::root(value)?;
+        let config = if root.get("format").is_some() { omnix::read(&root)? } else { da3::read(&root)? };
+        config.check()?;
+        Ok(config)
+    }
+
+    /// The prefix of the tensors' names, where the configuration says it.
+    #[must_use]
+    pub fn key_prefix(&self) -> Option<&str> {
+        self.key_prefix.as_deref()
+    }
+
+    /// da3-small.
+    #[must_use]
+    pub fn small() -> Self {
+        da3::published("da3-small", &da3::SMALL)
+    }
+
+    /// da3-base.
+    #[must_use]
+    pub fn base() -> Self {
+        da3::published("da3-base", &da3::BASE)
+    }
+
+    /// da3-large.
+    #[must_use]
+    pub fn large() -> Self {
+        da3::published("da3-large", &da3::LARGE)
+    }
+
+    /// da3-giant, without its Gaussian head.
+    #[must_use]
+    pub fn giant() -> Self {
+        da3::published("da3-giant", &da3::GIANT)
+    }
+}

@@ -1,0 +1,80 @@
+//! The two ends of the head (`spec/da3.md` section 6, steps 4 and 5; clamps: `spec/omnix.md` 4.1).
+
+use omnix_graph::op::Unary;
+use omnix_graph::{Graph, GraphError, Value};
+
+use super::{Head, uv};
+use crate::layers::{conv3, layer_norm, pointwise_conv, relu, resize};
+
+/// Channels before the last 1×1 convolutions.
+const HIDDEN: usize = 32;
+/// Eps of the norm in the ray branch.
+const AUX_EPS: f32 = 1e-5;
+/// Direction and origin.
+const RAY: usize = 6;
+
+impl Head<'_> {
+    /// Outputs `depth` and `depth_conf`, `[frames, H, W]`.
+    pub(super) fn main(&self, g: &mut Graph, fused: Value) -> Result<(Value, Value), GraphError> {
+        let (at, half, [height, width]) = (self.at.pp("scratch"), self.config.features / 2, self.picture());
+        let neck = conv3(g, &at.pp("output_conv1"), fused, half, 1)?;
+        g.name(neck, "head.neck");
+        let code = uv::map(g, (height, width), half, self.picture())?;
+        let x = resize(g, neck, height, width)?;
+        let x = g.add_values(x, code)?;
+        g.name(x, "head.main.in");
+        let x = conv3(g, &at.pp("output_conv2.0"), x, HIDDEN, 1)?;
+        let x = relu(g, x);
+        let logits = pointwise_conv(g, &at.pp("output_conv2.2"), x, 2)?;
+        g.name(logits, "head.main.logits");
+        let depth = self.exponential(g, logits, 0)?;
+        g.output(depth, "depth");
+        let confidence = self.confidence(g, logits, 1)?;
+        g.output(confidence, "depth_conf");
+        Ok((depth, confidence))
+    }
+
+    /// Outputs `ray` `[frames, 8gh, 8gw, 6]` and `ray_conf` `[frames, 8gh, 8gw]`.
+    pub(super) fn rays(&self, g: &mut Graph, fused: Value) -> Result<(Value, Value), GraphError> {
+        let (at, features) = (self.at.pp("scratch"), self.config.features);
+        let mut x = fused;
+        // No activation between them; zero padding keeps them from being one convolution.
+        for i in 0..self.config.aux_convs {
+            let out = if i % 2 == 0 { features / 2 } else { features };
+            x = conv3(g, &at.pp("output_conv1_aux.3").pp(i), x, out, 1)?;
+        }
+        g.name(x, "head.neck_aux");
+        let code = uv::map(g, self.fine(), features / 2, self.picture())?;
+        let x = g.add_values(x, code)?;
+        g.name(x, "head.aux.in");
+        let x = conv3(g, &at.pp("output_conv2_aux.3.0"), x, HIDDEN, 1)?;
+        // One instance shared by the four levels; files hold it under level 0.
+        let x = layer_norm(g, &at.pp("output_conv2_aux.0.2"), x, AUX_EPS)?;
+        let x = relu(g, x);
+        let logits = pointwise_conv(g, &at.pp("output_conv2_aux.3.5"), x, RAY + 1)?;
+        g.name(logits, "head.aux.logits");
+        let ray = g.slice(logits, 3, 0, RAY)?;
+        g.output(ray, "ray");
+        let confidence = self.confidence(g, logits, RAY)?;
+        g.output(confidence, "ray_conf");
+        Ok((ray, confidence))
+    }
+
+    /// `exp` of a channel, its exponent clamped where the network says so: `[frames, rows, columns]`.
+    fn exponential(&self, g: &mut Graph, logits: Value, channel: usize) -> Result<Value, GraphError> {
+        let shape = g.shape(logits)[..3].to_vec();
+        let x = g.slice(logits, 3, channel, 1)?;
+        let x = g.reshape(x, shape.as_slice())?;
+        let op = match self.config.logit_clamp {
+            Some(limit) => Unary::ExpClamped { low: -limit, high: limit },
+            None => Unary::Exp,
+        };
+        Ok(g.map(op, x))
+    }
+
+    /// `exp + 1` of a channel.
+    fn confidence(&self, g: &mut Graph, logits: Value, channel: usize) -> Result<Value, GraphError> {
+        let x = self.exponential(g, logits, channel)?;
+        Ok(g.map(Unary::ScaleShift { s: 1.0, t: 1.0 }, x))
+    }
+}

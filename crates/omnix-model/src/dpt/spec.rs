@@ -1,0 +1,27 @@
+//! What the head is asked for, and what it gives.
+
+use omnix_graph::Value;
+
+/// What the head is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeadSpec {
+    /// Frames of this chunk.
+    pub frames: usize,
+    /// Patch rows and columns.
+    pub grid: (usize, usize),
+    /// Whether ray maps are wanted; they double the work.
+    pub rays: bool,
+}
+
+/// The outputs of a recorded head; all are declared as outputs of the graph.
+#[derive(Clone, Debug)]
+pub struct HeadOutputs {
+    /// The inputs `feat.0` to `feat.3`: `[frames, P, 2C]`.
+    pub features: [Value; 4],
+    /// `depth`: `[frames, H, W]`, along the camera's axis.
+    pub depth: Value,
+    /// `depth_conf`: `[frames, H, W]`, at least 1.
+    pub confidence: Value,
+    /// `ray`: `[frames, 8gh, 8gw, 6]`, direction then origin; `ray_conf`: `[frames, 8gh, 8gw]`.
+    pub rays: Option<(Value, Value)>,
+}

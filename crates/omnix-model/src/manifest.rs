@@ -1,0 +1,167 @@
+//! Every tensor a network's checkpoint should hold, with its shape (`spec/da3.md` section 12, `spec/omnix.md` 1.3).
+//!
+//! Required is what the parts asked for read; the rest of the network is optional: checked when there. Levels 0 to 2 of
+//! the ray branch's outputs are in every published file and are never read. The layer norm that the four levels
+//! share is read under level 0's name, the only one published files hold; files that hold all four have copies.
+
+use omnix_weights::{Manifest, Requirement, Scope};
+
+use crate::PATCH;
+use crate::config::{BackboneConfig, CameraEncoderConfig, FeedForward, HeadConfig, NetworkConfig};
+
+/// What will be asked of the network.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// Ray maps.
+    pub rays: bool,
+    /// Cameras that the caller gives.
+    pub given_cameras: bool,
+}
+
+/// The tensors of the network `config`, by logical name.
+#[must_use]
+pub fn manifest(config: &NetworkConfig, parts: &Parts) -> Manifest {
+    let mut list = List { manifest: Manifest::new(), requirement: Requirement::Required };
+    backbone(&mut list, &config.backbone);
+    let wide = config.backbone.feature_width();
+    dense_head(&mut list, &config.head, wide, parts.rays);
+    list.requirement = Requirement::Required;
+    camera_decoder(&mut list, wide);
+    if let Some(encoder) = &config.camera_encoder {
+        list.requirement = when(parts.given_cameras);
+        camera_encoder(&mut list, encoder, config.backbone.width);
+    }
+    let mut manifest = list.manifest;
+    for level in 1..4 {
+        manifest.ignore(format!("head.scratch.output_conv2_aux.{level}.2."));
+    }
+    for prefix in config.left_out.iter().flat_map(|part| part.prefixes()) {
+        manifest.ignore(*prefix);
+    }
+    manifest
+}
+
+fn when(wanted: bool) -> Requirement {
+    if wanted { Requirement::Required } else { Requirement::Optional }
+}
+
+struct List {
+    manifest: Manifest,
+    requirement: Requirement,
+}
+
+impl List {
+    fn add(&mut self, name: String, shape: &[usize]) {
+        match self.requirement {
+            Requirement::Required => self.manifest.require(name, shape),
+            Requirement::Optional => self.manifest.optional(name, shape),
+        };
+    }
+
+    /// A weight of this shape and a bias of its first dimension.
+    fn layer(&mut self, at: &Scope, shape: &[usize]) {
+        self.add(at.name("weight"), shape);
+        self.add(at.name("bias"), &shape[..1]);
+    }
+}
+
+fn backbone(list: &mut List, config: &BackboneConfig) {
+    let BackboneConfig { width: c, position_grid: grid, .. } = *config;
+    let at = Scope::root().pp("backbone.pretrained");
+    list.add(at.name("cls_token"), &[1, 1, c]);
+    list.add(at.name("camera_token"), &[1, 2, c]);
+    list.add(at.name("pos_embed"), &[1, 1 + grid * grid, c]);
+    list.layer(&at.pp("patch_embed.proj"), &[c, 3, PATCH, PATCH]);
+    for i in 0..config.blocks {
+        let block = at.pp("blocks").pp(i);
+        transformer_block(list, &block, c, config.ffn);
+        if config.qk_norm_from.is_some_and(|from| i >= from) {
+            list.layer(&block.pp("attn.q_norm"), &[config.head_dim()]);
+            list.layer(&block.pp("attn.k_norm"), &[config.head_dim()]);
+        }
+    }
+    list.layer(&at.pp("norm"), &[c]);
+    if config.time.is_some() {
+        list.layer(&at.pp("video_idx_embed.proj"), &[c, c]);
+        list.layer(&at.pp("local_time_idx_embed.proj"), &[c, c]);
+    }
+}
+
+fn transformer_block(list: &mut List, at: &Scope, c: usize, ffn: FeedForward) {
+    list.layer(&at.pp("norm1"), &[c]);
+    list.layer(&at.pp("attn.qkv"), &[3 * c, c]);
+    list.layer(&at.pp("attn.proj"), &[c, c]);
+    list.add(at.name("ls1.gamma"), &[c]);
+    list.layer(&at.pp("norm2"), &[c]);
+    let (into, out, hidden, columns) = match ffn {
+        FeedForward::Mlp { hidden } => ("mlp.fc1", "mlp.fc2", hidden, hidden),
+        FeedForward::SwiGlu { hidden } => ("mlp.w12", "mlp.w3", hidden, 2 * hidden),
+    };
+    list.layer(&at.pp(into), &[columns, c]);
+    list.layer(&at.pp(out), &[c, hidden]);
+    list.add(at.name("ls2.gamma"), &[c]);
+}
+
+fn dense_head(list: &mut List, config: &HeadConfig, wide: usize, rays: bool) {
+    let HeadConfig { features: f, channels, aux_convs, .. } = *config;
+    let head = Scope::root().pp("head");
+    let at = head.pp("scratch");
+    list.layer(&head.pp("norm"), &[wide]);
+    for (k, c) in channels.into_iter().enumerate() {
+        list.layer(&head.pp("projects").pp(k), &[c, wide, 1, 1]);
+        if let Some(side) = [Some(4), Some(2), None, Some(3)][k] {
+            list.layer(&head.pp("resize_layers").pp(k), &[c, c, side, side]);
+        }
+        list.add(at.name(format_args!("layer{}_rn.weight", k + 1)), &[f, c, 3, 3]);
+    }
+    fusion(list, &at, "", f);
+    list.layer(&at.pp("output_conv1"), &[f / 2, f, 3, 3]);
+    list.layer(&at.pp("output_conv2.0"), &[32, f / 2, 3, 3]);
+    list.layer(&at.pp("output_conv2.2"), &[2, 32, 1, 1]);
+
+    list.requirement = when(rays);
+    fusion(list, &at, "_aux", f);
+    list.layer(&at.pp("output_conv2_aux.0.2"), &[32]);
+    for level in 0..4 {
+        list.requirement = when(rays && level == 3);
+        for i in 0..aux_convs {
+            let shape = if i % 2 == 0 { [f / 2, f, 3, 3] } else { [f, f / 2, 3, 3] };
+            list.layer(&at.pp("output_conv1_aux").pp(level).pp(i), &shape);
+        }
+        list.layer(&at.pp("output_conv2_aux").pp(level).pp(0), &[32, f / 2, 3, 3]);
+        list.layer(&at.pp("output_conv2_aux").pp(level).pp(5), &[7, 32, 1, 1]);
+    }
+}
+
+fn fusion(list: &mut List, at: &Scope, suffix: &str, f: usize) {
+    for k in 1..=4 {
+        let step = at.pp(format_args!("refinenet{k}{suffix}"));
+        // The deepest step has nothing to add to.
+        for unit in if k == 4 { 2..=2 } else { 1..=2 } {
+            for conv in 1..=2 {
+                list.layer(&step.pp(format_args!("resConfUnit{unit}.conv{conv}")), &[f, f, 3, 3]);
+            }
+        }
+        list.layer(&step.pp("out_conv"), &[f, f, 1, 1]);
+    }
+}
+
+fn camera_decoder(list: &mut List, wide: usize) {
+    let at = Scope::root().pp("cam_dec");
+    list.layer(&at.pp("backbone.0"), &[wide, wide]);
+    list.layer(&at.pp("backbone.2"), &[wide, wide]);
+    list.layer(&at.pp("fc_t"), &[3, wide]);
+    list.layer(&at.pp("fc_qvec"), &[4, wide]);
+    list.layer(&at.pp("fc_fov.0"), &[2, wide]);
+}
+
+fn camera_encoder(list: &mut List, config: &CameraEncoderConfig, c: usize) {
+    let at = Scope::root().pp("cam_enc");
+    list.layer(&at.pp("pose_branch.fc1"), &[c / 2, 9]);
+    list.layer(&at.pp("pose_branch.fc2"), &[c, c / 2]);
+    list.layer(&at.pp("token_norm"), &[c]);
+    for i in 0..config.blocks {
+        transformer_block(list, &at.pp("trunk").pp(i), c, FeedForward::Mlp { hidden: config.mlp_ratio * c });
+    }
+    list.layer(&at.pp("trunk_norm"), &[c]);
+}

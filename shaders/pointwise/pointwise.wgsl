@@ -1,0 +1,151 @@
+// pointwise: y[i] = op(a[i], b[(i / b_div) % b_len]), a and y [n]; unary operations have no b.
+//
+// The operation is a number, so that all of them share one pipeline; s and t are constants of some.
+// b is either taken four at a time (b4: same shape as a, or a row over rows of a) or one number for all
+// four of a (b1: one number a row of a, or one at all). Variant VEC4: n, b_div, b_len and all offsets are
+// multiples of 4, or b is taken one by one and b_div is.
+#import activation
+#import grid
+
+struct Params {
+    // Elements of this dispatch.
+    n: u32,
+    op: u32,
+    b_mode: u32,
+    b_div: u32,
+    b_len: u32,
+    // Index of this dispatch's first element in the whole tensor, and of b's first bound element in all of b.
+    first: u32,
+    b_first: u32,
+    // Distance of the first element from the start of the window of a and y.
+    rest: u32,
+    s: f32,
+    t: f32,
+    pad0: u32,
+    pad1: u32,
+}
+
+const B_NONE: u32 = 0u;
+const B_SAME: u32 = 1u;
+const B_GENERAL: u32 = 2u;
+const B_PER_FOUR: u32 = 3u;
+
+@group(0) @binding(0) var<uniform> p: Params;
+#if VEC4
+@group(0) @binding(1) var<storage, read> a: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> b4: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> b1: array<f32>;
+@group(0) @binding(4) var<storage, read_write> y: array<vec4<f32>>;
+#else
+@group(0) @binding(1) var<storage, read> a: array<f32>;
+@group(0) @binding(2) var<storage, read> b4: array<f32>;
+@group(0) @binding(3) var<storage, read> b1: array<f32>;
+@group(0) @binding(4) var<storage, read_write> y: array<f32>;
+#endif
+
+// Where element i of this dispatch finds its b.
+fn b_index(i: u32) -> u32 {
+    return (p.first + i) / p.b_div % p.b_len - p.b_first;
+}
+
+fn b_at(i: u32) -> vec4<f32> {
+    switch p.b_mode {
+#if VEC4
+        case B_SAME: { return b4[(p.first + i - p.b_first) / 4u]; }
+        case B_GENERAL: { return b4[b_index(i) / 4u]; }
+        case B_PER_FOUR: { return vec4<f32>(b1[b_index(i)]); }
+#else
+        case B_SAME: {
+            let at = p.first + i - p.b_first;
+            return vec4<f32>(b4[at], b4[at + 1u], b4[at + 2u], b4[at + 3u]);
+        }
+        case B_GENERAL, B_PER_FOUR: {
+            return vec4<f32>(b1[b_index(i)], b1[b_index(i + 1u)], b1[b_index(i + 2u)], b1[b_index(i + 3u)]);
+        }
+#endif
+        default: { return vec4<f32>(0.0); }
+    }
+}
+
+// NaN passes through.
+fn softplus(v: vec4<f32>) -> vec4<f32> {
+    // log(1 + e^v) without overflow or cancellation: max(v, 0) + log(1 + e^-|v|).
+    let e = exp(-abs(v));
+    // log1p for small e by its series: log(1 + e) would lose e's low bits.
+    let series = e * (1.0 - e * (0.5 - e * (0.33333333 - e * 0.25)));
+    return select(max(v, vec4<f32>(0.0)) + select(log(1.0 + e), series, e < vec4<f32>(0.01)), v, v > vec4<f32>(20.0));
+}
+
+fn sigmoid(v: vec4<f32>) -> vec4<f32> {
+    return 1.0 / (1.0 + exp(-v));
+}
+
+fn binary(op: u32, v: vec4<f32>, w: vec4<f32>) -> vec4<f32> {
+    switch op {
+        case 0u: { return v + w; }
+        case 1u: { return v - w; }
+        case 2u: { return v * w; }
+        case 3u: { return v / w; }
+        case 4u: { return max(v, w); }
+        default: { return min(v, w); }
+    }
+}
+
+fn simple(op: u32, v: vec4<f32>) -> vec4<f32> {
+    switch op {
+        case 6u: { return max(v, vec4<f32>(0.0)); }
+        case 7u: { return -v; }
+        case 8u: { return abs(v); }
+        case 9u: { return v * v; }
+        case 10u: { return 1.0 / v; }
+        case 11u: { return v * p.s + p.t; }
+        case 12u: { return clamp(v, vec4<f32>(p.s), vec4<f32>(p.t)); }
+        case 13u: { return sqrt(v); }
+        default: { return select(vec4<f32>(0.0), vec4<f32>(1.0), v < vec4<f32>(p.s)); }
+    }
+}
+
+fn transcendental(op: u32, v: vec4<f32>) -> vec4<f32> {
+    switch op {
+        case 16u: { return lib_activate(v, ACT_GELU); }
+        case 17u: { return lib_activate(v, ACT_SILU); }
+        case 18u: { return sigmoid(v); }
+        case 19u: { return softplus(v); }
+        case 20u: { return exp(v); }
+        case 21u: { return log(v); }
+        case 22u: { return exp(clamp(v, vec4<f32>(p.s), vec4<f32>(p.t))); }
+        default: { return tanh(clamp(v, vec4<f32>(-20.0), vec4<f32>(20.0))); }
+    }
+}
+
+fn apply(v: vec4<f32>, i: u32) -> vec4<f32> {
+    if (p.op < 6u) {
+        return binary(p.op, v, b_at(i));
+    }
+    if (p.op < 16u) {
+        return simple(p.op, v);
+    }
+    return transcendental(p.op, v);
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let i = (lib_fold(group, groups) * 64u + local.x) * 4u;
+    if (i >= p.n) {
+        return;
+    }
+#if VEC4
+    let at = (p.rest + i) / 4u;
+    y[at] = apply(a[at], i);
+#else
+    let at = p.rest + i;
+    let v = apply(vec4<f32>(a[at], a[at + 1u], a[at + 2u], a[at + 3u]), i);
+    for (var k = 0u; k < min(4u, p.n - i); k++) {
+        y[at + k] = v[k];
+    }
+#endif
+}

@@ -1,0 +1,72 @@
+// resize, any WebGPU device: see lib/resize_params for the equation and the shapes.
+//
+// An invocation owns one element of y (one number, or four channels in the variants with VEC4). Bicubic
+// is Keys' kernel with a = -0.75; taps outside of the map take the border's value.
+#import resize_params
+#import grid
+
+#if VEC4
+@group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> add: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> y: array<vec4<f32>>;
+alias Value = vec4<f32>;
+#else
+@group(0) @binding(1) var<storage, read> x: array<f32>;
+@group(0) @binding(2) var<storage, read> add: array<f32>;
+@group(0) @binding(3) var<storage, read_write> y: array<f32>;
+alias Value = f32;
+#endif
+
+// Element c of a pixel, the border's outside of the map.
+fn tap(frame: u32, iy: i32, ix: i32, c: u32) -> Value {
+    let row = frame * p.hi + u32(clamp(iy, 0, i32(p.hi) - 1)) - p.iy0;
+    return x[p.x_rest + (row * p.wi + u32(clamp(ix, 0, i32(p.wi) - 1))) * p.c + c];
+}
+
+#if CUBIC
+// Keys' weights of the cells -1, 0, 1, 2 around a fraction.
+fn cubic(t: f32) -> vec4<f32> {
+    let s = 1.0 - t;
+    return vec4<f32>(
+        -0.75 * t * s * s,
+        (1.25 * t - 2.25) * t * t + 1.0,
+        (1.25 * s - 2.25) * s * s + 1.0,
+        -0.75 * s * t * t);
+}
+#endif
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let i = lib_fold(group, groups) * 64u + local.x;
+    let pixel = i / p.c;
+    if (pixel >= p.pixels) {
+        return;
+    }
+    let c = i - pixel * p.c;
+    let frame = pixel / p.frame_pixels;
+    let inside = pixel - frame * p.frame_pixels;
+    let row = inside / p.wo;
+    let v = lib_coordinate(p.oy0 + row, p.y_a, p.y_b, p.y_d);
+    let h = lib_coordinate(inside - row * p.wo, p.x_a, p.x_b, p.x_d);
+#if CUBIC
+    let wy = cubic(v.fraction);
+    let wx = cubic(h.fraction);
+    var sum = Value(0.0);
+#for j in 0..4
+    sum += wy[$j] * (wx.x * tap(frame, v.cell + ${j-1}, h.cell - 1, c) + wx.y * tap(frame, v.cell + ${j-1}, h.cell, c)
+        + wx.z * tap(frame, v.cell + ${j-1}, h.cell + 1, c) + wx.w * tap(frame, v.cell + ${j-1}, h.cell + 2, c));
+#end
+#else
+    let top = mix(tap(frame, v.cell, h.cell, c), tap(frame, v.cell, h.cell + 1, c), h.fraction);
+    let bottom = mix(tap(frame, v.cell + 1, h.cell, c), tap(frame, v.cell + 1, h.cell + 1, c), h.fraction);
+    var sum = mix(top, bottom, v.fraction);
+#endif
+    if (p.has_add != 0u) {
+        sum += add[p.add_rest + inside * p.c + c];
+    }
+    y[p.y_rest + i] = sum;
+}
