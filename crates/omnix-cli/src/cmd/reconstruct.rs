@@ -97,7 +97,7 @@ fn announce(job: &Job, plan: &RunPlan, args: &ReconstructArgs, info: &DeviceInfo
     for left_out in &job.weights.network().config().left_out {
         ui.note(&format!("note: {}", left_out.note()));
     }
-    for surplus in first(&job.weights.report().surplus) {
+    if let Some(surplus) = first(&job.weights.report().surplus) {
         ui.note(&format!("note: the checkpoint holds tensors that are not used: {surplus}"));
     }
 }
