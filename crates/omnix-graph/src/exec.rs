@@ -21,8 +21,18 @@ pub struct Executable {
     program: Program,
     /// Buffer of each value's root, where it has one.
     buffers: Vec<Option<BufferSlice>>,
-    /// Dispatches of each piece of work, with the node they belong to, in order.
-    pieces: Vec<(usize, Range<usize>)>,
+    /// The kernel calls in order.
+    pieces: Vec<Piece>,
+}
+
+/// The dispatches of one kernel call.
+#[derive(Clone, Debug)]
+pub(crate) struct Piece {
+    /// The node they belong to; in a chain a node has a piece for every chunk.
+    pub(crate) node: usize,
+    pub(crate) dispatches: Range<usize>,
+    /// The piece's share of the node's operations.
+    pub(crate) flops: u64,
 }
 
 /// Buffers the host owns, for inputs and outputs by name; what is not named here is allocated.
@@ -61,7 +71,7 @@ impl Executable {
         let pairs: Vec<(&Dispatch, &[BufferSlice])> =
             recorded.iter().zip(&args).flat_map(|(call, args)| call.dispatches.iter().map(move |d| (d, args.as_slice()))).collect();
         let program = Program::new(gpu, pairs)?;
-        let pieces = pieces(&recorded);
+        let pieces = pieces(&plan, &recorded);
         Ok(Self { gpu: gpu.clone(), plan, program, buffers, pieces })
     }
 
@@ -155,9 +165,9 @@ impl Executable {
         let mut previous: Option<wgpu::SubmissionIndex> = None;
         let mut batch = 0..0;
         let mut flops = 0u64;
-        for (i, (node, range)) in self.pieces.iter().enumerate() {
-            batch.end = range.end;
-            flops += self.piece_flops(*node, range);
+        for (i, piece) in self.pieces.iter().enumerate() {
+            batch.end = piece.dispatches.end;
+            flops += piece.flops;
             if flops < FLOPS_PER_SUBMIT && i + 1 < self.pieces.len() {
                 continue;
             }
@@ -176,7 +186,7 @@ impl Executable {
                 self.gpu.wait()?;
                 return Err(GraphError::Interrupted);
             }
-            batch = range.end..range.end;
+            batch.start = batch.end;
             flops = 0;
         }
         Ok(self.gpu.wait()?)
@@ -189,19 +199,13 @@ impl Executable {
         Ok(())
     }
 
-    /// A piece's share of its node's operations (a node runs as several pieces in a chain).
-    fn piece_flops(&self, node: usize, range: &Range<usize>) -> u64 {
-        let all: usize = self.pieces.iter().filter(|(n, _)| *n == node).map(|(_, r)| r.len()).sum();
-        node_flops(&self.plan.graph, node) * range.len() as u64 / all.max(1) as u64
-    }
-
     /// The device it runs on.
     #[must_use]
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    pub(crate) fn pieces(&self) -> &[(usize, Range<usize>)] {
+    pub(crate) fn pieces(&self) -> &[Piece] {
         &self.pieces
     }
 
@@ -250,14 +254,16 @@ fn own(gpu: &Gpu, plan: &Plan, root: Value, bytes: u64, bindings: &Bindings) -> 
     }
 }
 
-fn pieces(recorded: &[Recorded]) -> Vec<(usize, Range<usize>)> {
+fn pieces(plan: &Plan, recorded: &[Recorded]) -> Vec<Piece> {
+    let mut calls = vec![0u64; plan.graph.nodes.len()];
+    recorded.iter().for_each(|call| calls[call.node] += 1);
     let mut at = 0;
     recorded
         .iter()
         .map(|call| {
-            let range = at..at + call.dispatches.len();
-            at = range.end;
-            (call.node, range)
+            let dispatches = at..at + call.dispatches.len();
+            at = dispatches.end;
+            Piece { node: call.node, dispatches, flops: node_flops(&plan.graph, call.node) / calls[call.node] }
         })
         .collect()
 }

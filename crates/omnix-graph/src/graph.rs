@@ -77,6 +77,8 @@ pub struct Parameter {
     pub full: Shape,
     /// Rows of its first dimension that this value stands for.
     pub rows: Range<usize>,
+    /// Stored as f32 even where the plan stores matrices as f16.
+    pub keep_f32: bool,
 }
 
 /// Where a value comes from.
@@ -205,12 +207,20 @@ impl Graph {
     pub fn parameter(&mut self, name: &str, shape: impl Into<Shape>) -> Value {
         let full = shape.into();
         let rows = 0..full.first().copied().unwrap_or(1);
-        self.add_parameter(Parameter { name: name.into(), full, rows })
+        self.add_parameter(Parameter { name: name.into(), full, rows, keep_f32: false })
     }
 
     /// Some leading rows of a tensor of the checkpoint, such as the q part of a qkv matrix.
     pub fn parameter_rows(&mut self, name: &str, full: impl Into<Shape>, rows: Range<usize>) -> Value {
-        self.add_parameter(Parameter { name: name.into(), full: full.into(), rows })
+        self.add_parameter(Parameter { name: name.into(), full: full.into(), rows, keep_f32: false })
+    }
+
+    /// Stores a parameter as f32 whatever the plan stores: for the few matrices on whose accuracy everything else
+    /// depends.
+    pub fn keep_f32(&mut self, value: Value) {
+        if let Source::Parameter(parameter) = &mut self.values[value.0 as usize].source {
+            parameter.keep_f32 = true;
+        }
     }
 
     fn add_parameter(&mut self, parameter: Parameter) -> Value {

@@ -19,7 +19,7 @@ use smallvec::{SmallVec, smallvec};
 
 use crate::graph::{Node, Value};
 use crate::op::{Op, StridedCopy, WeightForm};
-use crate::plan::{Plan, packed_shape};
+use crate::plan::{Plan, packed_shape, stored_as};
 use crate::record::too_large;
 
 /// One kernel call: arguments in the order of the kernel's `Arg` constants.
@@ -45,7 +45,7 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
         Op::Linear(l) => {
             let spec = Linear {
                 m: rows_of(l.x)?,
-                weights: packed_shape(graph.shape(l.w), l.form, plan.storage),
+                weights: packed_shape(graph.shape(l.w), l.form, stored_as(graph, l.w, plan.storage)),
                 act: l.act,
                 bias: l.bias.is_some(),
                 gamma: l.gamma.is_some(),
@@ -97,7 +97,7 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
                 kernel: [n(w[2])?, n(w[3])?],
                 stride: n(c.stride)?,
                 padding: n(c.padding)?,
-                weights: packed_shape(w, WeightForm::Conv, plan.storage),
+                weights: packed_shape(w, WeightForm::Conv, stored_as(graph, c.w, plan.storage)),
                 act: c.act,
                 relu_input: c.relu_input,
                 bias: c.bias.is_some(),

@@ -4,9 +4,9 @@ use omnix_kernels::{Caps, PackedWeights, WeightType};
 
 use crate::error::GraphError;
 use crate::fuse::fuse;
-use crate::graph::{Graph, Source, Value};
+use crate::graph::{Graph, Node, Source, Value};
 use crate::memory::{MemoryPlan, Place, assign};
-use crate::op::Op;
+use crate::op::{Op, WeightForm};
 use crate::schedule::{Segment, segments};
 use crate::weights::{Packing, WeightKey};
 
@@ -101,53 +101,34 @@ impl Plan {
     }
 }
 
-/// The fewest parts whose memory fits the budget.
+/// The fewest parts whose memory fits the budget and the device's largest buffer.
 fn fit(graph: &Graph, segments: &[Segment], options: &PlanOptions, max_buffer: u64) -> Result<(usize, MemoryPlan), GraphError> {
     let mut parts = options.parts.max(1);
-    let mut best: Option<Result<(usize, MemoryPlan), GraphError>> = None;
     let mut least = u64::MAX;
     loop {
         let tried = assign(graph, segments, parts, max_buffer);
-        match (&tried, options.budget) {
-            (Ok(memory), budget) if budget.is_none_or(|b| memory.total() <= b) => return Ok((parts, tried?)),
-            (Ok(memory), Some(_)) => least = least.min(memory.total()),
-            _ => {}
+        let fits = tried.as_ref().is_ok_and(|memory| options.budget.is_none_or(|budget| memory.total() <= budget));
+        let smallest = |s: &Segment| s.chain.as_ref().is_none_or(|c| c.chunk_rows(parts) <= c.unit);
+        let last = parts >= MAX_PARTS || segments.iter().all(smallest);
+        if fits || (last && tried.is_err()) {
+            return tried.map(|memory| (parts, memory));
         }
-        // A value above the buffer limit may fit in smaller chunks too; keep the last word if none does.
-        best = Some(tried.map(|memory| (parts, memory)));
-        let whole = |s: &Segment| s.chain.as_ref().is_none_or(|c| c.chunk_rows(parts) <= c.unit);
-        if segments.iter().all(whole) || parts >= MAX_PARTS {
-            break;
+        least = tried.map_or(least, |memory| least.min(memory.total()));
+        if last {
+            return Err(GraphError::Budget { budget: options.budget.unwrap_or(u64::MAX), least });
         }
         parts *= 2;
-    }
-    match (best, options.budget) {
-        (Some(Err(error)), _) => Err(error),
-        (_, Some(budget)) => Err(GraphError::Budget { budget, least }),
-        (Some(found), None) => found,
-        (None, None) => unreachable!("BUG: the loop ran at least once"),
     }
 }
 
 /// The form in which each parameter is read, in order of first use.
 fn weights(graph: &Graph, storage: WeightType) -> Vec<WeightKey> {
+    let mut seen = rustc_hash::FxHashSet::default();
     let mut keys = Vec::new();
     for node in &graph.nodes {
-        let matrix = match &node.op {
-            Op::Linear(l) => Some((l.w, l.form)),
-            Op::Conv2d(c) => Some((c.w, crate::op::WeightForm::Conv)),
-            _ => None,
-        };
-        for value in node.op.inputs() {
-            if let Source::Parameter(parameter) = &graph.info(graph.root(value)).source {
-                let packing = match matrix {
-                    Some((w, form)) if w == value => Packing::Matrix(form, storage),
-                    _ => bias_packing(node, value),
-                };
-                let key = WeightKey { parameter: parameter.clone(), packing };
-                if !keys.contains(&key) {
-                    keys.push(key);
-                }
+        for key in node.op.inputs().into_iter().filter_map(|value| weight_key(graph, node, value, storage)) {
+            if seen.insert(key.clone()) {
+                keys.push(key);
             }
         }
     }
@@ -155,22 +136,31 @@ fn weights(graph: &Graph, storage: WeightType) -> Vec<WeightKey> {
 }
 
 /// A transposed convolution's bias is repeated for every pixel of a block.
-fn bias_packing(node: &crate::graph::Node, value: Value) -> Packing {
+fn bias_packing(node: &Node, value: Value) -> Packing {
     match &node.op {
-        Op::Linear(l) if l.form == crate::op::WeightForm::ConvTranspose && l.bias == Some(value) => Packing::Repeat,
+        Op::Linear(l) if l.form == WeightForm::ConvTranspose && l.bias == Some(value) => Packing::Repeat,
         _ => Packing::Plain,
     }
 }
 
 /// The key under which `value`, read by `node`, is stored.
-pub(crate) fn weight_key(graph: &Graph, node: &crate::graph::Node, value: Value, storage: WeightType) -> Option<WeightKey> {
+pub(crate) fn weight_key(graph: &Graph, node: &Node, value: Value, storage: WeightType) -> Option<WeightKey> {
     let Source::Parameter(parameter) = &graph.info(graph.root(value)).source else { return None };
+    let storage = stored_as(graph, value, storage);
     let packing = match &node.op {
         Op::Linear(l) if l.w == value => Packing::Matrix(l.form, storage),
-        Op::Conv2d(c) if c.w == value => Packing::Matrix(crate::op::WeightForm::Conv, storage),
+        Op::Conv2d(c) if c.w == value => Packing::Matrix(WeightForm::Conv, storage),
         _ => bias_packing(node, value),
     };
     Some(WeightKey { parameter: parameter.clone(), packing })
+}
+
+/// How the matrix `value` is stored when the plan stores matrices as `storage`.
+pub(crate) fn stored_as(graph: &Graph, value: Value, storage: WeightType) -> WeightType {
+    match &graph.info(graph.root(value)).source {
+        Source::Parameter(p) if p.keep_f32 => WeightType::F32,
+        _ => storage,
+    }
 }
 
 /// Floating-point operations of node `index`; what only moves numbers counts none.
@@ -195,14 +185,13 @@ pub fn node_flops(graph: &Graph, index: usize) -> u64 {
     }
 }
 
-/// The packed shape of the matrix that `value` of a linear layer or convolution stands for.
+/// The packed shape of the matrix of a linear layer or convolution, from the parameter's shape.
 #[must_use]
-pub fn packed_shape(shape: &[usize], form: crate::op::WeightForm, storage: WeightType) -> PackedWeights {
-    use crate::op::WeightForm::{Conv, ConvTranspose, Linear};
+pub fn packed_shape(shape: &[usize], form: WeightForm, storage: WeightType) -> PackedWeights {
     let product = |dims: &[usize]| dims.iter().product::<usize>() as u32;
     let (k, n) = match form {
-        Linear | Conv => (product(&shape[1..]), shape[0] as u32),
-        ConvTranspose => (shape[0] as u32, product(&shape[1..])),
+        WeightForm::Linear | WeightForm::Conv => (product(&shape[1..]), shape[0] as u32),
+        WeightForm::ConvTranspose => (shape[0] as u32, product(&shape[1..])),
     };
     PackedWeights { k, n, storage }
 }

@@ -6,7 +6,6 @@ use omnix_kernels::run;
 
 use crate::error::GraphError;
 use crate::exec::Executable;
-use crate::plan::node_flops;
 
 /// One timed piece of work.
 #[derive(Clone, Debug)]
@@ -19,7 +18,7 @@ pub struct Span {
     pub start_ns: f64,
     /// Length in nanoseconds.
     pub length_ns: f64,
-    /// Operations of the whole node.
+    /// Operations of the piece.
     pub flops: u64,
 }
 
@@ -47,26 +46,26 @@ pub fn profile(executable: &Executable) -> Result<Vec<Span>, GraphError> {
         let bytes = u64::from(count) * 8;
         let resolved = gpu.buffer("timestamps", bytes, wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC)?;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        for (i, (_, range)) in pieces.iter().enumerate() {
+        for (i, piece) in pieces.iter().enumerate() {
             let timestamp_writes = Some(wgpu::ComputePassTimestampWrites {
                 query_set: &set,
                 beginning_of_pass_write_index: Some(i as u32 * 2),
                 end_of_pass_write_index: Some(i as u32 * 2 + 1),
             });
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
-            executable.program().encode(&mut pass, range.clone());
+            executable.program().encode(&mut pass, piece.dispatches.clone());
         }
         encoder.resolve_query_set(&set, 0..count, &resolved, 0);
         gpu.queue.submit([encoder.finish()]);
         let ticks: Vec<u64> = run::read(gpu, &resolved.into())?;
         let graph = &executable.plan().graph;
-        for ((node, _), pair) in pieces.iter().zip(ticks.chunks_exact(2)) {
+        for (piece, pair) in pieces.iter().zip(ticks.chunks_exact(2)) {
             spans.push(Span {
-                name: graph.value_name(graph.nodes()[*node].outputs[0]).to_owned(),
-                op: graph.nodes()[*node].op.name(),
+                name: graph.value_name(graph.nodes()[piece.node].outputs[0]).to_owned(),
+                op: graph.nodes()[piece.node].op.name(),
                 start_ns: pair[0] as f64 * period,
                 length_ns: pair[1].saturating_sub(pair[0]) as f64 * period,
-                flops: node_flops(graph, *node),
+                flops: piece.flops,
             });
         }
     }

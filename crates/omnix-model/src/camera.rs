@@ -8,7 +8,7 @@ use omnix_weights::Scope;
 
 use crate::backbone::{Block, Span};
 use crate::config::{CameraEncoderConfig, FeedForward};
-use crate::layers::{gelu, layer_norm, linear, relu};
+use crate::layers::{gelu, layer_norm, linear, precise_linear, relu};
 
 /// Eps of all norms of the camera encoder.
 const ENCODER_EPS: f32 = 1e-5;
@@ -20,12 +20,12 @@ pub(crate) fn decode(g: &mut Graph, tokens: Value) -> Result<Value, GraphError> 
     let (at, wide) = (Scope::root().pp("cam_dec"), g.shape(tokens).width());
     let mut x = tokens;
     for layer in [0, 2] {
-        x = linear(g, &at.pp("backbone").pp(layer), x, wide)?;
+        x = precise_linear(g, &at.pp("backbone").pp(layer), x, &[wide, wide])?;
         x = relu(g, x);
     }
-    let translation = linear(g, &at.pp("fc_t"), x, 3)?;
-    let quaternion = linear(g, &at.pp("fc_qvec"), x, 4)?;
-    let fov = linear(g, &at.pp("fc_fov.0"), x, 2)?;
+    let translation = precise_linear(g, &at.pp("fc_t"), x, &[3, wide])?;
+    let quaternion = precise_linear(g, &at.pp("fc_qvec"), x, &[4, wide])?;
+    let fov = precise_linear(g, &at.pp("fc_fov.0"), x, &[2, wide])?;
     let fov = relu(g, fov);
     let codes = g.concat(&[translation, quaternion, fov], 1)?;
     g.output(codes, "cam.pose_enc");

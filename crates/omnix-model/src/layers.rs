@@ -12,6 +12,16 @@ pub(crate) fn linear(g: &mut Graph, at: &Scope, x: Value, n: usize) -> Result<Va
     linear_rows(g, at, x, n, 0..n, &[n, k])
 }
 
+/// `x Wᵀ + b` with W (its shape is `full`) stored as f32 even where matrices are f16: for the first layer, whose
+/// rounding every other layer inherits, and the camera decoder, whose nine numbers every point of a view depends on.
+/// Both are small.
+pub(crate) fn precise_linear(g: &mut Graph, at: &Scope, x: Value, full: &[usize]) -> Result<Value, GraphError> {
+    let weight = g.parameter(&at.name("weight"), full);
+    g.keep_f32(weight);
+    let bias = g.parameter(&at.name("bias"), [full[0]]);
+    g.linear(x, weight, Some(bias))
+}
+
 /// `x Wᵀ + b` for a 1×1 convolution's W `[n, k, 1, 1]`.
 pub(crate) fn pointwise_conv(g: &mut Graph, at: &Scope, x: Value, n: usize) -> Result<Value, GraphError> {
     let k = g.shape(x).width();

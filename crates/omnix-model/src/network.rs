@@ -89,6 +89,6 @@ fn check_grid(count: usize, (rows, columns): (usize, usize), what: &str) -> Resu
     if count > 0 && count <= 1 << 20 && fits(rows) && fits(columns) {
         return Ok(());
     }
-    let what = format!("{count} {what} of {} x {} pixels", columns * PATCH, rows * PATCH);
+    let what = format!("{count} {what} of {} x {} pixels", columns.saturating_mul(PATCH), rows.saturating_mul(PATCH));
     Err(ModelError::Request { what, cure: format!("at least one, and sides of {PATCH} to {} pixels", LONGEST * PATCH) })
 }

@@ -7,7 +7,7 @@ use omnix_graph::{Graph, GraphError, Value};
 use super::{BackboneSpec, root};
 use crate::PATCH;
 use crate::config::BackboneConfig;
-use crate::layers::linear_rows;
+use crate::layers::precise_linear;
 
 /// `[S, 3, H, W]` to `[S·T, C]`.
 pub(super) fn record(
@@ -21,7 +21,7 @@ pub(super) fn record(
     let split = g.reshape(images, [s, 3, rows, PATCH, columns, PATCH])?;
     let patches = g.permute(split, &[0, 2, 4, 1, 3, 5])?;
     let patches = g.reshape(patches, [s * p, 3 * PATCH * PATCH])?;
-    let patches = linear_rows(g, &root().pp("patch_embed.proj"), patches, c, 0..c, &[c, 3, PATCH, PATCH])?;
+    let patches = precise_linear(g, &root().pp("patch_embed.proj"), patches, &[c, 3, PATCH, PATCH])?;
     g.name(patches, "tok.patch_embed");
 
     let class = g.parameter(&root().name("cls_token"), [1, 1, c]);

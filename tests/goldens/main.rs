@@ -1,0 +1,69 @@
+//! The networks against recorded cases of the reference implementations: one line a case folder, its worst relative
+//! error, pass or fail. The program exits with 1 if any folder fails.
+//!
+//! Folders: the small copies in `tests/data/goldens`, everything in `../shared/golden` when it is there, and every
+//! case folder of the folders listed in `OMNIX_GOLDEN` (colon-separated).
+
+mod case;
+mod collect;
+mod geometry;
+mod network;
+mod preprocess;
+
+use std::process::ExitCode;
+
+use collect::Folder;
+
+/// Relative in norm, f32 weights and f16 weights.
+const LIMITS: [(omnix::WeightType, f64); 2] = [(omnix::WeightType::F32, 1e-4), (omnix::WeightType::F16, 2e-3)];
+
+/// What became of a folder.
+pub(crate) enum Outcome {
+    /// Worst error of f32 runs with the tensor it belongs to, and of runs with f16 weights.
+    Compared { tensors: usize, worst: f64, at: String, half: f64, failures: Vec<String> },
+    /// Nothing in it belongs to this version.
+    OutOfScope(String),
+}
+
+fn main() -> ExitCode {
+    let filter: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    let folders = collect::folders();
+    let (mut passed, mut failed, mut skipped) = (0, 0, 0);
+    for folder in folders.iter().filter(|f| filter.is_empty() || filter.iter().any(|w| f.label.contains(w.as_str()))) {
+        match run(folder) {
+            Ok(Outcome::Compared { tensors, worst, at, half, failures }) => {
+                let verdict = if failures.is_empty() { "pass" } else { "FAIL" };
+                let half = if half > 0.0 { format!("; with f16 weights {half:.3e}") } else { String::new() };
+                println!("{:<40} {worst:.3e}  {verdict}  ({tensors} tensors, worst {at}{half})", folder.label);
+                failures.iter().take(12).for_each(|f| println!("    {f}"));
+                if failures.is_empty() { passed += 1 } else { failed += 1 }
+            }
+            Ok(Outcome::OutOfScope(why)) => {
+                println!("{:<40} -          skipped  ({why})", folder.label);
+                skipped += 1;
+            }
+            Err(error) => {
+                println!("{:<40} -          FAIL  ({error})", folder.label);
+                failed += 1;
+            }
+        }
+    }
+    let result = if failed == 0 { "ok" } else { "FAILED" };
+    println!("\ntest result: {result}. {passed} passed; {failed} failed; {skipped} ignored; 0 measured; 0 filtered out");
+    // No folder at all is no success: the small copies belong to the repository.
+    if failed == 0 && passed > 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Everything in one folder: networks, then the tables and pictures beside them.
+fn run(folder: &Folder) -> Result<Outcome, String> {
+    let mut total = case::Comparison::default();
+    if let Some(reason) = network::run(folder, &LIMITS, &mut total)? {
+        return Ok(Outcome::OutOfScope(reason));
+    }
+    geometry::run(folder, &mut total)?;
+    preprocess::run(folder, &mut total)?;
+    if total.tensors == 0 {
+        return Ok(Outcome::OutOfScope("no recorded tensor of a part that exists".to_owned()));
+    }
+    Ok(Outcome::Compared { tensors: total.tensors, worst: total.worst, at: total.at, half: total.half, failures: total.failures })
+}

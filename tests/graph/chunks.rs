@@ -1,0 +1,65 @@
+//! Chunk sizes change memory and nothing else.
+
+use omnix_graph::{GraphError, Plan, PlanOptions};
+use omnix_kernels::{Caps, Gpu};
+use omnix_tests::{gpu, tiers, with_max_binding};
+
+use crate::support::{run, two_blocks};
+
+/// 6 sequences of 75 tokens, 2 heads of 32: 450 rows in all.
+const GROUPS: usize = 6;
+const TOKENS: usize = 75;
+const HEADS: (usize, usize) = (2, 32);
+
+fn bits(gpu: &Gpu, parts: usize) -> Vec<u32> {
+    let graph = two_blocks(GROUPS, TOKENS, HEADS);
+    let y = run(gpu, &graph, &PlanOptions { parts, ..PlanOptions::default() });
+    assert!(y.iter().all(|v| v.is_finite()));
+    y.iter().map(|v| v.to_bits()).collect()
+}
+
+#[test]
+fn chunk_sizes_change_no_bit() {
+    for gpu in tiers() {
+        let whole = bits(&gpu, 1);
+        assert_eq!(whole, bits(&gpu, 1), "{}: two runs", gpu.caps.tier);
+        for parts in [2, 3, 6, 64] {
+            assert_eq!(whole, bits(&gpu, parts), "{}: {parts} parts", gpu.caps.tier);
+        }
+    }
+}
+
+#[test]
+fn a_small_binding_limit_changes_no_bit() {
+    for gpu in tiers() {
+        // Hidden rows are 450 x 256 floats, 460,800 bytes; 64 of them are 65,536.
+        let small = with_max_binding(&gpu, 131_072);
+        assert_eq!(bits(&gpu, 1), bits(&small, 1), "{}", gpu.caps.tier);
+    }
+}
+
+#[test]
+fn a_budget_is_met_or_the_least_is_named() {
+    let graph = two_blocks(64, 75, HEADS);
+    let caps = Caps::baseline();
+    let free = Plan::new(&graph, &caps, &PlanOptions::default()).expect("plans").working_bytes();
+    let budget = free * 3 / 4;
+    let options = |budget| PlanOptions { budget: Some(budget), ..PlanOptions::default() };
+    let tight = Plan::new(&graph, &caps, &options(budget)).expect("fits in chunks");
+    assert!(tight.working_bytes() <= budget && tight.parts > 1, "{} of {budget} in {} parts", tight.working_bytes(), tight.parts);
+    let Err(GraphError::Budget { least, .. }) = Plan::new(&graph, &caps, &options(1000)) else { panic!("1000 bytes cannot do") };
+    assert!(least > 1000 && least <= tight.working_bytes());
+    assert!(Plan::new(&graph, &caps, &options(least)).is_ok(), "the least that was named works");
+}
+
+#[test]
+fn allocated_bytes_are_the_planned_bytes() {
+    let graph = two_blocks(GROUPS, TOKENS, HEADS);
+    let plan = Plan::new(&graph, &gpu().caps, &PlanOptions::default()).expect("plans");
+    let arena: u64 = plan.memory.arena.iter().sum();
+    // Input and output of 450 x 64 floats, each rounded to 256 bytes.
+    assert_eq!(plan.working_bytes(), arena + 2 * 450 * 64 * 4);
+    // Never all intermediates at once: far less than their sum.
+    let sum: u64 = plan.graph.nodes().iter().map(|n| plan.graph.shape(n.outputs[0]).bytes()).sum();
+    assert!(arena < sum / 2, "{arena} of {sum}");
+}

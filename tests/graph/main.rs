@@ -1,0 +1,7 @@
+//! Graphs on the device: fusion, chains in chunks, memory, profile.
+
+mod chunks;
+mod fusion;
+mod memory;
+mod operations;
+mod support;

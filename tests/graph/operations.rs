@@ -1,0 +1,125 @@
+//! Operations that are made of others, shape errors, indices, timing.
+
+use omnix_graph::op::ReduceOp;
+use omnix_graph::profile::{profile, write_chrome_trace};
+use omnix_graph::{Graph, PlanOptions};
+use omnix_tests::{Rng, assert_close, gpu, tiers};
+
+use crate::support::{Seeded, feed, prepare, run, two_blocks};
+use omnix_graph::ParameterSource;
+
+#[test]
+fn a_transposed_convolution_spreads_each_pixel() {
+    for (k, out) in [(2, 5), (4, 8)] {
+        let (frames, h, w, c) = (2, 3, 4, 8);
+        let mut g = Graph::new();
+        let x = g.input("x", [frames, h, w, c]);
+        let (weight, bias) = (g.parameter("w", [c, out, k, k]), g.parameter("b", [out]));
+        let y = g.conv_transpose2d(x, weight, Some(bias)).expect("records");
+        g.output(y, "y");
+        let (weight, bias) = (Seeded(&g).read("w").expect("w"), Seeded(&g).read("b").expect("b"));
+        let input = Rng::new(1).normal(frames * h * w * c);
+        let mut want = vec![0.0f32; frames * h * k * w * k * out];
+        for f in 0..frames {
+            for (row, column) in (0..h * k).flat_map(|r| (0..w * k).map(move |c| (r, c))) {
+                for o in 0..out {
+                    let pixel = (f * h + row / k) * w + column / k;
+                    let sum: f64 = (0..c)
+                        .map(|i| {
+                            let at = ((i * out + o) * k + row % k) * k + column % k;
+                            f64::from(input[pixel * c + i]) * f64::from(weight[at])
+                        })
+                        .sum();
+                    want[((f * h * k + row) * w * k + column) * out + o] = (sum + f64::from(bias[o])) as f32;
+                }
+            }
+        }
+        for gpu in tiers() {
+            assert_close(&format!("k {k}, {}", gpu.caps.tier), &run(&gpu, &g, &PlanOptions::default()), &want, 2e-6);
+        }
+    }
+}
+
+#[test]
+fn layout_operations_move_the_right_numbers() {
+    let mut g = Graph::new();
+    let x = g.input("x", [2, 3, 4]);
+    let turned = g.permute(x, &[2, 0, 1]).expect("permute");
+    let part = g.slice(turned, 0, 1, 2).expect("slice");
+    let joined = g.concat(&[part, part], 1).expect("concat");
+    let many = g.repeat(joined, 2);
+    let flat = g.reshape(many, [48]).expect("reshape");
+    g.output(flat, "y");
+    let input = Rng::new(1).normal(24);
+    let at = |i: usize| {
+        let (c, r, a) = (i / 12 % 2 + 1, i % 12 / 3 % 2, i % 3);
+        input[r * 12 + a * 4 + c]
+    };
+    let want: Vec<f32> = (0..48).map(at).collect();
+    assert_eq!(run(gpu(), &g, &PlanOptions::default()), want);
+}
+
+#[test]
+fn rows_go_through_gather_scatter_and_top_k() {
+    let mut g = Graph::new();
+    let scores = g.input("x", [1, 6]);
+    let (index, mask) = g.top_k(scores, 3).expect("top_k");
+    let index = g.reshape(index, [3]).expect("index");
+    let rows = g.input("rows", [6, 4]);
+    let picked = g.gather(rows, index).expect("gather");
+    let back = g.scatter(rows, picked, index).expect("scatter");
+    let mask = g.reshape(mask, [6]).expect("mask");
+    let kept = g.zip_rows(omnix_graph::op::Binary::Mul, back, mask).expect("mask");
+    let sums = g.reduce(kept, ReduceOp::Sum, 1).expect("sum");
+    g.output(sums, "y");
+    let (scores, rows) = (Rng::new(1).normal(6), Rng::new(4).normal(24));
+    let mut order: Vec<usize> = (0..6).collect();
+    order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]));
+    let want: Vec<f32> = (0..6).map(|r| if order[..3].contains(&r) { rows[r * 4..][..4].iter().sum() } else { 0.0 }).collect();
+    assert_close("masked rows", &run(gpu(), &g, &PlanOptions::default()), &want, 1e-6);
+}
+
+#[test]
+fn shape_errors_name_operation_value_and_both_shapes() {
+    let mut g = Graph::new();
+    let x = g.input("tokens", [5, 12]);
+    let w = g.parameter("blocks.0.fc1.weight", [20, 13]);
+    let message = g.linear(x, w, None).expect_err("does not fit").to_string();
+    assert_eq!(message, "linear: `blocks.0.fc1.weight` has shape [20, 13], expected [n, 12]");
+    assert!(g.reshape(x, [7]).is_err() && g.permute(x, &[0, 0]).is_err() && g.slice(x, 1, 10, 3).is_err());
+    assert!(g.top_k(x, 13).is_err() && g.conv2d(x, w, None, 1, 1).is_err());
+}
+
+#[test]
+fn wrong_lengths_and_names_are_errors() {
+    let graph = two_blocks(2, 8, (1, 8));
+    let executable = prepare(gpu(), &graph, &PlanOptions::default());
+    assert!(executable.write("x", &[0.0; 3]).is_err());
+    assert!(executable.write_at("x", 16 * 8 - 1, &[0.0; 2]).is_err());
+    assert!(executable.write("nothing", &[]).is_err() && executable.read("nothing").is_err());
+}
+
+#[test]
+fn the_profile_names_every_node_and_traces_as_json() {
+    let graph = two_blocks(2, 40, (2, 32));
+    let executable = prepare(gpu(), &graph, &PlanOptions::default());
+    feed(&executable, &graph);
+    let spans = profile(&executable).expect("profiles");
+    assert_eq!(spans.len(), executable.plan().graph.nodes().len());
+    assert!(spans.iter().any(|s| s.op == "attention") && spans.iter().all(|s| s.length_ns >= 0.0));
+    let mut out = Vec::new();
+    write_chrome_trace(&spans, &mut out).expect("writes");
+    let trace: serde_json::Value = serde_json::from_slice(&out).expect("JSON");
+    assert_eq!(trace["traceEvents"].as_array().map(Vec::len), Some(spans.len()));
+}
+
+#[test]
+fn breaking_off_is_an_error_and_the_plan_runs_again() {
+    let graph = two_blocks(2, 40, (2, 32));
+    let executable = prepare(gpu(), &graph, &PlanOptions::default());
+    feed(&executable, &graph);
+    let stopped = executable.run(&mut |_, _| std::ops::ControlFlow::Break(()));
+    assert!(matches!(stopped, Err(omnix_graph::GraphError::Interrupted)));
+    executable.run(&mut |_, _| std::ops::ControlFlow::Continue(())).expect("runs again");
+    assert!(executable.read("y").expect("reads").iter().all(|v| v.is_finite()));
+}

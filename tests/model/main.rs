@@ -1,0 +1,12 @@
+//! The networks: configurations, manifests, and the graphs they record, the latter against recorded goldens too, by an
+//! interpreter of graphs that knows no device. Configurations and tensor lists of the goldens are in `tests/data/model`; the
+//! goldens themselves are used when `../shared` is there.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+
+mod config;
+mod fixture;
+mod goldens;
+mod graphs;
+mod interpret;
+mod manifest;
