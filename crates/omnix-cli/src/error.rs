@@ -15,7 +15,7 @@ Exit codes:
   2    wrong usage: unknown options, values or names
   3    bad input: files, pictures, videos or weights
   4    no usable device, or the device was lost
-  5    too large: the memory budget is too small, memory ran out, or more than a day of work that nobody asked for by number
+  5    too large: the memory budget is too small, memory ran out, or more than an hour of work that nobody asked for by number
   6    output cannot be written: permissions, or the disk is full
   130  interrupted: what was finished is readable";
 
@@ -38,7 +38,7 @@ pub(crate) enum CliError {
     },
     /// So much work that it is hardly meant.
     #[error(
-        "{images} images need {tera_flops:.0} TFLOP, about {days:.0} days on this kind of device: choose some with --frames N \
+        "{images} images need {tera_flops:.0} TFLOP, about {hours:.0} hours on this kind of device: choose some with --frames N \
          or --fps F (--frames {images} runs them all)"
     )]
     TooMuch {
@@ -47,7 +47,7 @@ pub(crate) enum CliError {
         /// 10^12 operations.
         tera_flops: f64,
         /// By a rough guess of the device's speed.
-        days: f64,
+        hours: f64,
     },
     /// A picture smaller than a patch.
     #[error("a picture of {width} x {height} pixels is smaller than one patch of the network (14 x 14): replace or remove {}", path.display())]

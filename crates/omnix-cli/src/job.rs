@@ -23,8 +23,8 @@ pub(crate) struct Job {
 
 /// Searching for the number of frames that fit takes no longer.
 const SEARCH: Duration = Duration::from_secs(2);
-/// More work than this wants to be asked for by number.
-const DAYS: f64 = 1.0;
+/// Hours of work beyond which it wants to be asked for by number.
+const HOURS: f64 = 1.0;
 
 impl Job {
     /// Lists frames, opens weights, finds sizes. Nothing is decoded.
@@ -62,12 +62,12 @@ impl Job {
         }
     }
 
-    /// Refuses days of work that nobody asked for by number, such as a folder of ten thousand pictures named whole.
+    /// Refuses hours of work that nobody asked for by number, such as a folder of ten thousand pictures named whole.
     pub(crate) fn check_work(&self, plan: &RunPlan, args: &RunArgs, tier: Tier) -> Result<(), CliError> {
-        let days = days(plan.flops(), tier);
-        if days > DAYS && args.frames.is_none() && args.fps.is_none() {
+        let hours = seconds(plan.flops(), tier) / 3600.0;
+        if hours > HOURS && args.frames.is_none() && args.fps.is_none() {
             let tera_flops = plan.flops() as f64 / 1e12;
-            return Err(CliError::TooMuch { images: self.request.images, tera_flops, days });
+            return Err(CliError::TooMuch { images: self.request.images, tera_flops, hours });
         }
         Ok(())
     }
@@ -128,14 +128,14 @@ fn largest(weights: &Weights, request: &Request, caps: &Caps) -> Option<usize> {
     Some(low)
 }
 
-/// Days of work at a rough guess of speed: it only has to tell minutes from days.
-pub(crate) fn days(flops: u64, tier: Tier) -> f64 {
+/// Seconds of work at a rough guess of speed: it only has to tell minutes from hours.
+pub(crate) fn seconds(flops: u64, tier: Tier) -> f64 {
     let a_second = match tier {
         Tier::Software => 5e10,
         Tier::Baseline => 1e10,
         Tier::Gpu => 2e12,
     };
-    flops as f64 / a_second / 86_400.0
+    flops as f64 / a_second
 }
 
 /// Facts of a plan for people: one line each.

@@ -55,7 +55,12 @@ pub struct Session {
     plan: RunPlan,
     store: WeightStore,
     backbone: Option<Executable>,
+    /// Bytes of images written since the last submission.
+    unflushed: u64,
 }
+
+/// Images are submitted in pieces of about this size.
+const FLUSH: u64 = 4 << 20;
 
 /// The listener of long work.
 pub(crate) type Listener<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
@@ -70,7 +75,7 @@ impl Session {
         let mut report = |done, total| progress(Progress { phase: Phase::Weights, done, total });
         let store = WeightStore::load(engine.gpu(), weights, &keys, &mut report)?;
         let backbone = Executable::new(engine.gpu(), plan.backbone.clone(), &store, &Bindings::default())?;
-        Ok(Self { engine: engine.clone(), plan, store, backbone: Some(backbone) })
+        Ok(Self { engine: engine.clone(), plan, store, backbone: Some(backbone), unflushed: 0 })
     }
 
     /// The plan.
@@ -98,7 +103,15 @@ impl Session {
             let reason = format!("image {index} with {} numbers; the plan has {} images of {size}", pixels.len(), self.plan.request.images);
             return Err(OmnixError::Request { reason });
         }
-        Ok(self.backbone()?.write_at("images", index * size, pixels)?)
+        self.backbone()?.write_at("images", index * size, pixels)?;
+        // What is written waits in staging memory for the next submission: thousands of images must not pile up there.
+        self.unflushed += size as u64 * 4;
+        if self.unflushed >= FLUSH {
+            self.unflushed = 0;
+            self.engine.gpu().queue.submit([]);
+            self.engine.gpu().wait()?;
+        }
+        Ok(())
     }
 
     /// Runs the network and hands each image's results to `each`, in order, as soon as they exist.

@@ -25,7 +25,7 @@ use crate::ui::{self, Ui};
 /// Arguments of `omnix bench`.
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
-    /// One image and one run of everything.
+    /// One run of everything, and the network with one image of 140x84: shows that it works.
     #[arg(long)]
     quick: bool,
     /// Write a Chrome trace (chrome://tracing, Perfetto) of one run, one span for each piece of work.
@@ -41,6 +41,8 @@ pub(crate) struct BenchArgs {
 
 /// Rows and columns of a picture: the shape of a wide video at Depth Anything 3's default.
 const SIZE: (usize, usize) = (280, 504);
+/// The same with `--quick`.
+const QUICK_SIZE: (usize, usize) = (84, 140);
 
 /// The least that a measured rate is compared with.
 #[derive(Clone, Copy)]
@@ -78,11 +80,12 @@ pub(crate) fn run(args: &BenchArgs, ui: &mut Ui) -> Result<(), CliError> {
     table.head("network", "images")?;
     let config = NetworkConfig::small();
     let counts: &[usize] = if args.quick { &[1] } else { &[1, 2, 4] };
+    let (height, width) = if args.quick { QUICK_SIZE } else { SIZE };
     let mut last = None;
     for &images in counts {
-        let network = NetworkBench::new(&engine, &config, images, SIZE.0, SIZE.1)?;
+        let network = NetworkBench::new(&engine, &config, images, height, width)?;
         let t = network.time(if args.quick { 1 } else { 3 })?;
-        let case = format!("{images} of {}x{}", SIZE.1, SIZE.0);
+        let case = format!("{images} of {width}x{height}");
         table.row("encoder and cameras", &case, t.backbone_s, Work::Flops(t.backbone_flops))?;
         table.row("depth heads", &case, t.head_s, Work::Flops(t.head_flops))?;
         table.row(&config.name, &case, t.backbone_s + t.head_s, Work::Flops(t.backbone_flops + t.head_flops))?;

@@ -69,8 +69,12 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
     }
     let network = &weights.network().config().name;
     let files = job::files_of(exports, plan.request.images).join(", ");
-    let seconds = job::days(plan.flops(), caps.tier) * 86_400.0;
-    let guess = if seconds < 120.0 { format!("{seconds:.0} s") } else { format!("{:.0} min", seconds / 60.0) };
+    let seconds = job::seconds(plan.flops(), caps.tier);
+    let guess = match seconds {
+        s if s < 120.0 => format!("{:.0} s", s.ceil()),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.0} h", s / 3600.0),
+    };
     ui::print(&format!(
         "network {network}, {} weights, for a {} device\n{}\ntime    about {guess}, a rough guess\nfiles   {files}",
         job::storage_name(&args.run),
