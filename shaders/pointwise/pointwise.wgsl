@@ -21,8 +21,9 @@ struct Params {
     rest: u32,
     s: f32,
     t: f32,
+    // Times four elements an invocation owns.
+    steps: u32,
     pad0: u32,
-    pad1: u32,
 }
 
 const B_NONE: u32 = 0u;
@@ -43,24 +44,36 @@ const B_PER_FOUR: u32 = 3u;
 @group(0) @binding(4) var<storage, read_write> y: array<f32>;
 #endif
 
-// Where element i of this dispatch finds its b.
-fn b_index(i: u32) -> u32 {
-    return (p.first + i) / p.b_div % p.b_len - p.b_first;
+// Where element i of this dispatch finds its b, as (i / b_div % b_len, i % b_div).
+fn place(i: u32) -> vec2<u32> {
+    let at = p.first + i;
+    let whole = at / p.b_div;
+    return vec2<u32>(whole % p.b_len, at - whole * p.b_div);
 }
 
-fn b_at(i: u32) -> vec4<f32> {
+// The place 256 elements on, without a division: they cost more than anything else here.
+fn next(at: vec2<u32>, step: vec2<u32>) -> vec2<u32> {
+    let r = at.y + step.y;
+    let carry = r >= p.b_div;
+    let q = at.x + step.x + select(0u, 1u, carry);
+    return vec2<u32>(select(q, q - p.b_len, q >= p.b_len), select(r, r - p.b_div, carry));
+}
+
+// b of the four elements from i on, whose place is `at`.
+fn b_at(i: u32, at: vec2<u32>) -> vec4<f32> {
     switch p.b_mode {
 #if VEC4
         case B_SAME: { return b4[(p.first + i - p.b_first) / 4u]; }
-        case B_GENERAL: { return b4[b_index(i) / 4u]; }
-        case B_PER_FOUR: { return vec4<f32>(b1[b_index(i)]); }
+        case B_GENERAL: { return b4[(at.x - p.b_first) / 4u]; }
+        case B_PER_FOUR: { return vec4<f32>(b1[at.x - p.b_first]); }
 #else
         case B_SAME: {
-            let at = p.first + i - p.b_first;
-            return vec4<f32>(b4[at], b4[at + 1u], b4[at + 2u], b4[at + 3u]);
+            let same = p.first + i - p.b_first;
+            return vec4<f32>(b4[same], b4[same + 1u], b4[same + 2u], b4[same + 3u]);
         }
         case B_GENERAL, B_PER_FOUR: {
-            return vec4<f32>(b1[b_index(i)], b1[b_index(i + 1u)], b1[b_index(i + 2u)], b1[b_index(i + 3u)]);
+            return vec4<f32>(b1[at.x - p.b_first], b1[place(i + 1u).x - p.b_first], b1[place(i + 2u).x - p.b_first],
+                b1[place(i + 3u).x - p.b_first]);
         }
 #endif
         default: { return vec4<f32>(0.0); }
@@ -118,14 +131,24 @@ fn transcendental(op: u32, v: vec4<f32>) -> vec4<f32> {
     }
 }
 
-fn apply(v: vec4<f32>, i: u32) -> vec4<f32> {
-    if (p.op < 6u) {
-        return binary(p.op, v, b_at(i));
+// Four elements from i on.
+fn load(i: u32) -> vec4<f32> {
+#if VEC4
+    return a[(p.rest + i) / 4u];
+#else
+    let at = p.rest + i;
+    return vec4<f32>(a[at], a[at + 1u], a[at + 2u], a[at + 3u]);
+#endif
+}
+
+fn store(i: u32, v: vec4<f32>) {
+#if VEC4
+    y[(p.rest + i) / 4u] = v;
+#else
+    for (var k = 0u; k < min(4u, p.n - i); k++) {
+        y[p.rest + i + k] = v[k];
     }
-    if (p.op < 16u) {
-        return simple(p.op, v);
-    }
-    return transcendental(p.op, v);
+#endif
 }
 
 @compute @workgroup_size(64)
@@ -134,18 +157,23 @@ fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let i = (lib_fold(group, groups) * 64u + local.x) * 4u;
-    if (i >= p.n) {
-        return;
+    // `steps` times four elements an invocation, 256 apart; the operation is chosen outside of the loop.
+    let first = lib_fold(group, groups) * 256u * p.steps + local.x * 4u;
+    let end = min(p.n, first + 256u * p.steps);
+    if (p.op < 6u) {
+        var at = place(first);
+        let step = vec2<u32>(256u / p.b_div % p.b_len, 256u % p.b_div);
+        for (var i = first; i < end; i += 256u) {
+            store(i, binary(p.op, load(i), b_at(i, at)));
+            at = next(at, step);
+        }
+    } else if (p.op < 16u) {
+        for (var i = first; i < end; i += 256u) {
+            store(i, simple(p.op, load(i)));
+        }
+    } else {
+        for (var i = first; i < end; i += 256u) {
+            store(i, transcendental(p.op, load(i)));
+        }
     }
-#if VEC4
-    let at = (p.rest + i) / 4u;
-    y[at] = apply(a[at], i);
-#else
-    let at = p.rest + i;
-    let v = apply(vec4<f32>(a[at], a[at + 1u], a[at + 2u], a[at + 3u]), i);
-    for (var k = 0u; k < min(4u, p.n - i); k++) {
-        y[at + k] = v[k];
-    }
-#endif
 }

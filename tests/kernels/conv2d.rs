@@ -76,7 +76,9 @@ fn every_variant_matches_the_oracle() {
             for storage in [WeightType::F32, WeightType::F16] {
                 variants.push(full(*spec, storage, Activation::Relu));
             }
-            variants.push(full(*spec, WeightType::F32, Activation::Gelu));
+            if spec.ci == 32 {
+                variants.push(full(*spec, WeightType::F32, Activation::Gelu));
+            }
             for spec in variants {
                 let (got, want) = case(&gpu, &spec);
                 assert_close(&format!("{} {spec:?}", gpu.caps.tier), &got, &want, 2e-6);

@@ -3,7 +3,7 @@
 use omnix_kernels::pointwise::{Binary, Operand, Pointwise, Unary, Y};
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::{Gpu, cpu};
-use omnix_tests::{Rng, assert_close, gpu, with_max_binding};
+use omnix_tests::{Rng, assert_close, gpu, tiers, with_max_binding};
 
 fn compute(gpu: &Gpu, spec: &Pointwise, a: &[f32], b: &[f32]) -> Vec<f32> {
     let args = [HostArg::F32(a), HostArg::F32(b), HostArg::Out(spec.n as usize)];
@@ -31,7 +31,7 @@ fn unary_operations_match_the_oracle() {
         Unary::ExpClamped { low: -2.0, high: 1.0 },
         Unary::Tanh,
     ];
-    for n in [1u32, 7, 64, 300, 1028] {
+    for n in [1u32, 7, 64, 300, 4100] {
         let mut rng = Rng::new(n.into());
         for op in all {
             let mut a: Vec<f32> = rng.normal(n as usize).iter().map(|v| v * 4.0).collect();
@@ -40,7 +40,10 @@ fn unary_operations_match_the_oracle() {
             }
             let spec = Pointwise::unary(n, op);
             let want = cpu::pointwise(&spec, &a, &[]);
-            assert_close(&format!("{op:?} of {n}"), &compute(gpu(), &spec, &a, &[0.0]), &want, 2e-6);
+            for gpu in tiers() {
+                let got = compute(&gpu, &spec, &a, &[0.0]);
+                assert_close(&format!("{} {op:?} of {n}", gpu.caps.tier), &got, &want, 2e-6);
+            }
         }
     }
 }
@@ -62,7 +65,7 @@ fn extremes_stay_where_they_belong() {
 #[test]
 fn binary_operations_broadcast() {
     let all = [Binary::Add, Binary::Sub, Binary::Mul, Binary::Div, Binary::Max, Binary::Min];
-    for (m, c) in [(1, 1), (3, 5), (7, 4), (5, 96), (33, 12), (64, 130)] {
+    for (m, c) in [(1, 1), (3, 5), (7, 4), (5, 96), (33, 12), (64, 130), (300, 28)] {
         let n = m * c;
         let mut rng = Rng::new(u64::from(n));
         let operands = [Operand::same(n), Operand::row(c), Operand::column(m, c), Operand::single()];
@@ -71,7 +74,10 @@ fn binary_operations_broadcast() {
             let b: Vec<f32> = rng.normal(by.len as usize).iter().map(|v| v + 0.1f32.copysign(*v)).collect();
             let spec = Pointwise::binary(n, op, by);
             let want = cpu::pointwise(&spec, &a, &b);
-            assert_close(&format!("{op:?} {m}x{c} by {by:?}"), &compute(gpu(), &spec, &a, &b), &want, 1e-6);
+            for gpu in tiers() {
+                let got = compute(&gpu, &spec, &a, &b);
+                assert_close(&format!("{} {op:?} {m}x{c} by {by:?}", gpu.caps.tier), &got, &want, 1e-6);
+            }
         }
     }
 }

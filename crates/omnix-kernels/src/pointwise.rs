@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use omnix_shaders::pointwise as shaders;
 
 use crate::cover::{cover, room};
-use crate::{Arg, Caps, Dispatch, KernelError};
+use crate::{Arg, Caps, Dispatch, KernelError, Tier};
 
 /// Input `[n]`.
 pub const A: Arg = Arg(0);
@@ -159,11 +159,11 @@ pub struct PointwiseParams {
     rest: u32,
     s: f32,
     t: f32,
+    steps: u32,
     pad0: u32,
-    pad1: u32,
 }
 
-crate::layout::layout!(PointwiseParams { n, op, b_mode, b_div, b_len, first, b_first, rest, s, t, pad0, pad1 });
+crate::layout::layout!(PointwiseParams { n, op, b_mode, b_div, b_len, first, b_first, rest, s, t, steps, pad0 });
 
 const B_NONE: u32 = 0;
 const B_SAME: u32 = 1;
@@ -246,6 +246,8 @@ impl Pointwise {
             () if vec4 && !four_b => B_PER_FOUR,
             () => B_GENERAL,
         };
+        // A loop costs a software device less than an invocation; a GPU wants many invocations.
+        let steps = if caps.tier == Tier::Gpu { 1 } else { 8 };
         let (n, room) = (u64::from(self.n), room(caps) / 64 * 64);
         // A period of b's repetition, where b has to be seen piece by piece.
         let period = if u64::from(b.len) > room { u64::from(b.len) * u64::from(b.div) } else { u64::MAX };
@@ -279,14 +281,14 @@ impl Pointwise {
                 rest,
                 s,
                 t,
+                steps: steps as u32,
                 pad0: 0,
-                pad1: 0,
             };
             let by_four = if vec4 { matches!(b_mode, B_SAME | B_GENERAL) } else { b_mode == B_SAME };
             let absent = Arg::ABSENT.into();
             let (b4, b1) = if by_four { (b_window, absent) } else { (absent, b_window) };
             let shader = if vec4 { &shaders::VEC4 } else { &shaders::WORDS };
-            out.push(Dispatch::new(shader, &params, &[a_window, b4, b1, y_window], len.div_ceil(256)));
+            out.push(Dispatch::new(shader, &params, &[a_window, b4, b1, y_window], len.div_ceil(256 * steps)));
             first += len;
         }
         Ok(out)

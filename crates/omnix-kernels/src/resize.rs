@@ -276,7 +276,7 @@ impl Resize {
         let four = self.c.is_multiple_of(4);
         let bilinear = self.filter == Filter::Bilinear;
         let (shader, groups) = match (bilinear, four) {
-            (true, true) if caps.tier == Tier::Software => (&shaders::SOFTWARE, pixels.div_ceil(8)),
+            (true, true) if caps.tier == Tier::Software => (&shaders::SOFTWARE, frames * rows * wo.div_ceil(8)),
             (true, true) => (&shaders::BILINEAR4, (pixels * c / 4).div_ceil(64)),
             (true, false) => (&shaders::BILINEAR, (pixels * c).div_ceil(64)),
             (false, true) => (&shaders::BICUBIC4, (pixels * c / 4).div_ceil(64)),

@@ -57,7 +57,8 @@ impl TopK {
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
         let Self { rows, n, k } = *self;
         if rows == 0 || k == 0 || k > n {
-            let reason = format!("the {k} largest of {rows} rows of {n}; 1 to {n} can be chosen of each of 1 or more rows");
+            let reason =
+                format!("the {k} largest of {rows} rows of {n}; 1 to {n} can be chosen of each of 1 or more rows");
             return Err(KernelError::Unsupported { kernel: "top_k", reason });
         }
         let (all, n, k) = (u64::from(rows), u64::from(n), u64::from(k));

@@ -10,6 +10,7 @@ mod colour;
 mod depth;
 mod glb;
 pub mod manifest;
+pub mod motion;
 mod npz;
 mod ply;
 mod sample;
