@@ -199,7 +199,9 @@ impl Executable {
         Ok(())
     }
 
-    pub(crate) fn gpu(&self) -> &Gpu {
+    /// The device it runs on.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 

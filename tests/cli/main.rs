@@ -1,0 +1,10 @@
+//! The program as a user runs it: its files, words and exit codes.
+
+mod bad_input;
+mod bad_weights;
+mod commands;
+mod common;
+mod device_lost;
+mod happy;
+mod interrupted;
+mod limits;
