@@ -3,6 +3,8 @@
 mod attention;
 mod conv2d;
 mod copy;
+mod deform_sample;
+mod field_scatter;
 mod gather;
 mod layer_norm;
 mod linear;
@@ -14,7 +16,10 @@ mod scatter;
 mod softmax;
 mod split_heads;
 mod swiglu;
+mod token_expand;
 mod top_k;
+mod traj_apply;
+mod trajectory;
 
 use omnix_benches::{Bench, Options};
 
@@ -35,5 +40,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     scatter::run(&bench)?;
     top_k::run(&bench)?;
     reference_view::run(&bench)?;
+    token_expand::run(&bench)?;
+    field_scatter::run(&bench)?;
+    deform_sample::run(&bench)?;
+    traj_apply::run(&bench)?;
+    trajectory::run(&bench)?;
     Ok(())
 }

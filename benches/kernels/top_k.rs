@@ -6,7 +6,8 @@ use omnix_kernels::run::HostArg;
 use omnix_kernels::top_k::TopK;
 
 pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
-    for spec in [TopK { rows: 16, n: 720, k: 180 }, TopK { rows: 1, n: 100_000, k: 10_000 }] {
+    for (rows, n, k) in [(16, 720, 180), (1, 100_000, 10_000)] {
+        let spec = TopK { rows, n, k, flat: false };
         let case = format!("{} of {}x{}", spec.k, spec.rows, spec.n);
         if bench.wants("top_k", &case) {
             let x = numbers((spec.rows * spec.n) as usize);
