@@ -46,12 +46,24 @@ pub fn shortcomings(adapter: &wgpu::Adapter) -> Vec<String> {
             reasons.push(format!("{what} is {have}, at least {need} is needed"));
         }
     };
-    at_least("the largest storage binding", u64::from(have.max_storage_buffer_binding_size), u64::from(need.max_storage_buffer_binding_size));
+    at_least("the largest storage binding", have.max_storage_buffer_binding_size, need.max_storage_buffer_binding_size);
     at_least("the largest buffer", have.max_buffer_size, need.max_buffer_size);
-    at_least("the number of storage buffers a stage", u64::from(have.max_storage_buffers_per_shader_stage), u64::from(need.max_storage_buffers_per_shader_stage));
-    at_least("the largest uniform binding", u64::from(have.max_uniform_buffer_binding_size), u64::from(need.max_uniform_buffer_binding_size));
-    at_least("workgroup memory", u64::from(have.max_compute_workgroup_storage_size), u64::from(need.max_compute_workgroup_storage_size));
-    at_least("the number of invocations a workgroup", u64::from(have.max_compute_invocations_per_workgroup), u64::from(need.max_compute_invocations_per_workgroup));
+    at_least(
+        "the number of storage buffers a stage",
+        u64::from(have.max_storage_buffers_per_shader_stage),
+        u64::from(need.max_storage_buffers_per_shader_stage),
+    );
+    at_least("the largest uniform binding", have.max_uniform_buffer_binding_size, need.max_uniform_buffer_binding_size);
+    at_least(
+        "workgroup memory",
+        u64::from(have.max_compute_workgroup_storage_size),
+        u64::from(need.max_compute_workgroup_storage_size),
+    );
+    at_least(
+        "the number of invocations a workgroup",
+        u64::from(have.max_compute_invocations_per_workgroup),
+        u64::from(need.max_compute_invocations_per_workgroup),
+    );
     reasons
 }
 

@@ -90,7 +90,13 @@ impl NetworkBench {
     ///
     /// # Errors
     /// A size that is no multiple of 14, or memory running out.
-    pub fn new(engine: &Engine, config: &NetworkConfig, images: usize, height: usize, width: usize) -> Result<Self, OmnixError> {
+    pub fn new(
+        engine: &Engine,
+        config: &NetworkConfig,
+        images: usize,
+        height: usize,
+        width: usize,
+    ) -> Result<Self, OmnixError> {
         let (network, gpu) = (Network::new(config.clone()), engine.gpu());
         let grid = (height / PATCH, width / PATCH);
         let spec = BackboneSpec {

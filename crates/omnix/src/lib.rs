@@ -43,10 +43,10 @@ pub use request::Request;
 pub use session::{FrameGeometry, ResidentGeometry, Session};
 pub use weights::Weights;
 
-/// File inputs and outputs: frames of videos and folders, preprocessing, export formats.
-pub use omnix_io as io;
 pub use omnix_geometry as geometry;
 pub use omnix_graph as graph;
+/// File inputs and outputs: frames of videos and folders, preprocessing, export formats.
+pub use omnix_io as io;
 pub use omnix_kernels as kernels;
 pub use omnix_model as model;
 pub use omnix_weights as checkpoint;

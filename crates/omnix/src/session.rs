@@ -100,7 +100,11 @@ impl Session {
     pub fn set_image(&mut self, index: usize, pixels: &[f32]) -> Result<(), OmnixError> {
         let size = 3 * self.plan.request.height * self.plan.request.width;
         if index >= self.plan.request.images || pixels.len() != size {
-            let reason = format!("image {index} with {} numbers; the plan has {} images of {size}", pixels.len(), self.plan.request.images);
+            let reason = format!(
+                "image {index} with {} numbers; the plan has {} images of {size}",
+                pixels.len(),
+                self.plan.request.images
+            );
             return Err(OmnixError::Request { reason });
         }
         self.backbone()?.write_at("images", index * size, pixels)?;
@@ -190,7 +194,8 @@ impl Session {
         let backbone = self.backbone()?;
         backbone.run(&mut |done, total| progress(Progress { phase: Phase::Backbone, done, total }))?;
         let codes = backbone.read("cam.pose_enc")?;
-        let predicted = codes.chunks_exact(9).map(|code| decode_pose_code(std::array::from_fn(|i| code[i]), height, width));
+        let predicted =
+            codes.chunks_exact(9).map(|code| decode_pose_code(std::array::from_fn(|i| code[i]), height, width));
         let mut cameras: Vec<Camera> = predicted.collect();
         let features = (0..4).map(|k| backbone.slice(&format!("feat.{k}"))).collect::<Result<Vec<_>, _>>()?;
         // The arena goes back; the features' own buffers live on in the slices.
@@ -208,7 +213,13 @@ impl Session {
     }
 
     /// Copies the features of images `first..first + count` into the head's inputs.
-    fn fill_head(&self, head: &Executable, features: &[BufferSlice], first: usize, count: usize) -> Result<(), OmnixError> {
+    fn fill_head(
+        &self,
+        head: &Executable,
+        features: &[BufferSlice],
+        first: usize,
+        count: usize,
+    ) -> Result<(), OmnixError> {
         let gpu = self.engine.gpu();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (k, feature) in features.iter().enumerate() {
