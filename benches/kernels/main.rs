@@ -1,11 +1,20 @@
 //! Every kernel over the shapes of the real networks: see the harness for the command line.
 
 mod attention;
+mod conv2d;
+mod copy;
+mod gather;
 mod layer_norm;
 mod linear;
+mod pointwise;
 mod reduce;
+mod reference_view;
+mod resize;
+mod scatter;
 mod softmax;
 mod split_heads;
+mod swiglu;
+mod top_k;
 
 use omnix_benches::{Bench, Options};
 
@@ -17,5 +26,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     split_heads::run(&bench)?;
     softmax::run(&bench)?;
     reduce::run(&bench)?;
+    conv2d::run(&bench)?;
+    resize::run(&bench)?;
+    copy::run(&bench)?;
+    pointwise::run(&bench)?;
+    swiglu::run(&bench)?;
+    gather::run(&bench)?;
+    scatter::run(&bench)?;
+    top_k::run(&bench)?;
+    reference_view::run(&bench)?;
     Ok(())
 }

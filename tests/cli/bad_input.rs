@@ -76,7 +76,12 @@ fn wrong_usage() {
     let dir = tempfile::tempdir().unwrap();
     let frames = folder(dir.path(), 1);
     let out = dir.path().join("out");
-    for more in [&["--export", "usdz"][..], &["--frames", "2", "--fps", "1"], &["--memory-budget", "much"], &["--size", "100x100"]] {
+    for more in [
+        &["--export", "usdz"][..],
+        &["--frames", "2", "--fps", "1"],
+        &["--memory-budget", "much"],
+        &["--size", "100x100"],
+    ] {
         let ran = reconstruct(&frames, &out, more);
         assert_eq!(ran.code, Some(2), "{more:?}: {}", ran.err);
     }
@@ -122,7 +127,10 @@ fn errors_reach_machines_too() {
     let ran = omnix(&["reconstruct", dir.path().to_str().unwrap(), "--out", "unused", "--json"]);
     let ran = ran.fails(3, &["no frames"]);
     let last = ran.events().pop().unwrap();
-    assert_eq!((last["event"].as_str(), last["exit_code"].as_u64(), last["kind"].as_str()), (Some("error"), Some(3), Some("input")));
+    assert_eq!(
+        (last["event"].as_str(), last["exit_code"].as_u64(), last["kind"].as_str()),
+        (Some("error"), Some(3), Some("input"))
+    );
 }
 
 #[test]

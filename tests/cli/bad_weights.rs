@@ -43,7 +43,9 @@ fn both_refuse(dir: &Path, weights: &Path, words: &[&str]) -> Ran {
     let frames = folder(dir, 1);
     let out = dir.join("out");
     reconstruct(&frames, &out, &["--weights", weights.to_str().unwrap()]).fails(3, words);
-    assert!(!out.join("manifest.json").exists() || crate::common::json(&out.join("manifest.json"))["interrupted"] == true);
+    assert!(
+        !out.join("manifest.json").exists() || crate::common::json(&out.join("manifest.json"))["interrupted"] == true
+    );
     omnix(&["weights", "check", weights.to_str().unwrap()]).fails(3, &[])
 }
 

@@ -55,7 +55,8 @@ impl Ran {
     #[track_caller]
     pub(crate) fn fails(self, code: i32, words: &[&str]) -> Self {
         assert_eq!(self.code, Some(code), "{}{}", self.out, self.err);
-        let message = self.err.lines().find(|l| l.starts_with("error: ")).unwrap_or_else(|| panic!("no error: {}", self.err));
+        let message =
+            self.err.lines().find(|l| l.starts_with("error: ")).unwrap_or_else(|| panic!("no error: {}", self.err));
         for word in words {
             assert!(self.err.contains(word), "no `{word}` in: {message}\n{}", self.err);
         }

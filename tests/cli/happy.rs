@@ -50,8 +50,7 @@ fn one_photo_with_every_export() {
     let ply = fs::read(out.join("points.ply")).unwrap();
     let end = ply.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let header = String::from_utf8(ply[..end].to_vec()).unwrap();
-    let count: usize =
-        header.lines().find_map(|l| l.strip_prefix("element vertex ")).unwrap().trim().parse().unwrap();
+    let count: usize = header.lines().find_map(|l| l.strip_prefix("element vertex ")).unwrap().trim().parse().unwrap();
     assert!(count > 10_000 && (ply.len() - end).is_multiple_of(count), "{header}");
     let record = (ply.len() - end) / count;
     for point in ply[end..].chunks_exact(record) {
@@ -60,10 +59,10 @@ fn one_photo_with_every_export() {
     assert_eq!(&fs::read(out.join("scene.glb")).unwrap()[..4], b"glTF");
     let poses = fs::read_dir(&out).unwrap().filter_map(|e| Some(e.ok()?.path()));
     let tum = poses.filter(|p| p.extension().is_some_and(|e| e == "tum")).map(|p| fs::read_to_string(p).unwrap());
-    let numbers: Vec<f64> =
-        tum.flat_map(|t| t.lines().filter(|l| !l.starts_with('#')).map(str::to_owned).collect::<Vec<_>>())
-            .flat_map(|l| l.split_whitespace().map(|n| n.parse().unwrap()).collect::<Vec<f64>>())
-            .collect();
+    let numbers: Vec<f64> = tum
+        .flat_map(|t| t.lines().filter(|l| !l.starts_with('#')).map(str::to_owned).collect::<Vec<_>>())
+        .flat_map(|l| l.split_whitespace().map(|n| n.parse().unwrap()).collect::<Vec<f64>>())
+        .collect();
     assert!(numbers.len() == 8 && numbers.iter().all(|n| n.is_finite()), "{numbers:?}");
 }
 
@@ -110,7 +109,8 @@ fn the_same_bits_from_a_fresh_process_and_from_smaller_chunks() {
         let out = dir.path().join(name);
         reconstruct(&frames, &out, &[&["--export", "npz"], more].concat()).ok();
         let npz = out.join("exports/npz/results.npz");
-        ["depth", "conf", "extrinsics", "intrinsics"].map(|name| array(&npz, name).1.iter().map(|v| v.to_bits()).collect::<Vec<_>>())
+        ["depth", "conf", "extrinsics", "intrinsics"]
+            .map(|name| array(&npz, name).1.iter().map(|v| v.to_bits()).collect::<Vec<_>>())
     };
     let first = run("first", &[]);
     assert_eq!(first, run("again", &[]), "a fresh process");
@@ -124,7 +124,8 @@ fn the_same_bits_from_a_fresh_process_and_from_smaller_chunks() {
 fn cameras_from_rays_and_half_weights() {
     let dir = tempfile::tempdir().unwrap();
     let (frames, out) = (folder(dir.path(), 2), dir.path().join("out"));
-    reconstruct(&frames, &out, &["--cameras", "rays", "--weights-type", "f16", "--size", "84x56", "--export", "npz"]).ok();
+    reconstruct(&frames, &out, &["--cameras", "rays", "--weights-type", "f16", "--size", "84x56", "--export", "npz"])
+        .ok();
     finite(&out.join("exports/npz/results.npz"), "extrinsics", &[2, 3, 4]);
     assert_eq!(json(&out.join("manifest.json"))["settings"]["cameras"], "ray maps");
 }

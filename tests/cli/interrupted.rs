@@ -14,7 +14,8 @@ fn what_was_finished_is_readable() {
     command.arg("reconstruct").arg(&frames).arg("--out").arg(&out).args(["--json", "--export", "npz,depth,ply"]);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    let third = lines.by_ref().map(Result::unwrap).find(|l| l.contains("\"event\":\"frame\"") && l.contains("\"index\":2"));
+    let third =
+        lines.by_ref().map(Result::unwrap).find(|l| l.contains("\"event\":\"frame\"") && l.contains("\"index\":2"));
     assert!(third.is_some(), "no third image");
     let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(sent.success());

@@ -25,7 +25,8 @@ fn ten_thousand_frames() {
     let ran = reconstruct(&frames, &out, &[]).fails(5, &["10000", "--frames"]);
     assert!(ran.seconds < 20.0, "refusing took {:.0} s", ran.seconds);
     // Within a budget: how many would fit.
-    let ran = reconstruct(&frames, &out, &["--memory-budget", "200MiB"]).fails(5, &["at least", "--frames", "would fit"]);
+    let ran =
+        reconstruct(&frames, &out, &["--memory-budget", "200MiB"]).fails(5, &["at least", "--frames", "would fit"]);
     assert!(ran.seconds < 20.0, "searching took {:.0} s", ran.seconds);
     let fits = ran.err.split("; --frames ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
     omnix(&["plan", frames.to_str().unwrap(), "--frames", &fits, "--memory-budget", "200MiB"]).ok();

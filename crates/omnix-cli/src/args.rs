@@ -157,7 +157,11 @@ fn method(text: &str) -> Result<ResizeMethod, String> {
 
 fn exports(text: &str) -> Result<Exports, String> {
     let list = Export::parse_list(text).map_err(|e| e.to_string())?;
-    if list.is_empty() { Err("name at least one of npz, mini_npz, depth, ply, glb, tum".to_owned()) } else { Ok(Exports(list)) }
+    if list.is_empty() {
+        Err("name at least one of npz, mini_npz, depth, ply, glb, tum".to_owned())
+    } else {
+        Ok(Exports(list))
+    }
 }
 
 fn percentile(text: &str) -> Result<f32, String> {

@@ -1,9 +1,7 @@
 //! How pictures are brought to the network's size: Depth Anything 3's way or OmniX's, chosen by the checkpoint.
 
 use omnix::Weights;
-use omnix::io::preprocess::{
-    Da3Preprocess, OmnixPreprocess, PATCH, Processed, ResizeMethod, centre_crop, common_size,
-};
+use omnix::io::preprocess::{Da3Preprocess, OmnixPreprocess, PATCH, Processed, ResizeMethod, centre_crop, common_size};
 use omnix::io::{InputPlan, IoError, Picture};
 use omnix::model::config::Family;
 use serde_json::{Value, json};

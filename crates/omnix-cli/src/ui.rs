@@ -83,7 +83,9 @@ impl Ui {
         if !self.json && self.terminal {
             let bar = ProgressBar::new(0);
             bar.set_draw_target(indicatif::ProgressDrawTarget::hidden());
-            if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {percent:>3} %, {elapsed} gone, {eta} left") {
+            if let Ok(style) =
+                ProgressStyle::with_template("{msg} [{bar:30}] {percent:>3} %, {elapsed} gone, {eta} left")
+            {
                 bar.set_style(style.progress_chars("=> "));
             }
             bar.set_message(text.to_owned());
@@ -136,7 +138,8 @@ impl Ui {
         for cause in &causes {
             eprintln!("  because: {cause}");
         }
-        let fields = json!({ "kind": error.kind(), "exit_code": error.exit_code(), "message": message, "causes": causes });
+        let fields =
+            json!({ "kind": error.kind(), "exit_code": error.exit_code(), "message": message, "causes": causes });
         self.event("error", fields);
     }
 }

@@ -69,10 +69,19 @@ pub(crate) fn run(args: &BenchArgs, ui: &mut Ui) -> Result<(), CliError> {
         let (flops, copy) = (ceilings.map(|c| c.flops), ceilings.map(|c| c.copy));
         ui.event("ceilings", json!({ "flops": flops, "copy_bytes": copy }));
     } else {
-        ui::print(&format!("{} ({}), {} variants, omnix {}", info.name, info.driver, info.tier, env!("CARGO_PKG_VERSION")))?;
+        ui::print(&format!(
+            "{} ({}), {} variants, omnix {}",
+            info.name,
+            info.driver,
+            info.tier,
+            env!("CARGO_PKG_VERSION")
+        ))?;
         if let Some(c) = &ceilings {
             let (gflops, gbytes) = (c.flops / 1e9, c.copy / 1e9);
-            ui::print(&format!("Ceilings, {} threads: {gflops:.0} GFLOP/s ({}), copy {gbytes:.1} GB/s\n", c.threads, c.method))?;
+            ui::print(&format!(
+                "Ceilings, {} threads: {gflops:.0} GFLOP/s ({}), copy {gbytes:.1} GB/s\n",
+                c.threads, c.method
+            ))?;
         }
     }
     let mut table = Table { ui, ceilings };
@@ -145,7 +154,8 @@ fn kernels(table: &mut Table<'_>, gpu: &Gpu, quick: bool) -> Result<(), CliError
         let spec = Linear { m, weights, act: Activation::None, bias: true, gamma: false, residual: false };
         let (x, bias, out) = (numbers(m * k), numbers(n), HostArg::Out((m * n) as usize));
         let packed = weights.pack(|row, column| ((row * 31 + column * 17) % 101) as f32 * 0.01 - 0.5);
-        let args = [HostArg::F32(&x), HostArg::Bytes(&packed), HostArg::F32(&bias), HostArg::Out(1), HostArg::Out(1), out];
+        let args =
+            [HostArg::F32(&x), HostArg::Bytes(&packed), HostArg::F32(&bias), HostArg::Out(1), HostArg::Out(1), out];
         let case = format!("{m}x{n}x{k} {storage:?}");
         measure("linear", &case, Work::Flops(spec.flops()), &spec.record(&gpu.caps)?, &args)?;
     }
@@ -154,7 +164,8 @@ fn kernels(table: &mut Table<'_>, gpu: &Gpu, quick: bool) -> Result<(), CliError
         let spec = Attention { groups: 1, heads: 6, head_dim: 64, nq: keys, nk: keys };
         let (q, kv) = (numbers(spec.q_words() as u32), numbers(spec.kv_words() as u32));
         let state = HostArg::Out((spec.state_bytes(&gpu.caps) / 4) as usize);
-        let args = [HostArg::F32(&q), HostArg::F32(&kv), HostArg::F32(&kv), HostArg::Out(spec.out_words() as usize), state];
+        let args =
+            [HostArg::F32(&q), HostArg::F32(&kv), HostArg::F32(&kv), HostArg::Out(spec.out_words() as usize), state];
         let case = format!("6 heads of 64, {keys} keys");
         measure("attention", &case, Work::Flops(spec.flops()), &spec.record(&gpu.caps)?, &args)?;
     }

@@ -90,7 +90,12 @@ fn info(args: &WeightsArgs, ui: &mut Ui) -> Result<(), CliError> {
         format!("name     {}", checkpoint.name()),
         format!("network  {}", network.as_deref().unwrap_or("none that can be run")),
         format!("seems    {seems}"),
-        format!("tensors  {tensors} ({}), {:.2} M parameters, {}", listed.join(", "), numbers as f64 / 1e6, bytes::show(size)),
+        format!(
+            "tensors  {tensors} ({}), {:.2} M parameters, {}",
+            listed.join(", "),
+            numbers as f64 / 1e6,
+            bytes::show(size)
+        ),
         format!("prefix   {}", if checkpoint.key_prefix().is_empty() { "none" } else { checkpoint.key_prefix() }),
         format!("digest   blake3:{}", checkpoint.digest()),
     ];
@@ -166,13 +171,19 @@ fn as_json(report: &CheckReport, damaged: &[Damaged], problems: usize) -> Value 
 fn as_text(checkpoint: &Checkpoint, report: &CheckReport, damaged: &[Damaged], problems: usize) -> String {
     let mut lines = vec![format!("{}: {}", checkpoint.name(), report.seems)];
     lines.extend(report.missing.iter().map(|name| format!("missing      {name}")));
-    let shape = |w: &omnix::checkpoint::WrongShape| format!("wrong shape  {}: {:?} instead of {:?}", w.name, w.found, w.expected);
+    let shape = |w: &omnix::checkpoint::WrongShape| {
+        format!("wrong shape  {}: {:?} instead of {:?}", w.name, w.found, w.expected)
+    };
     lines.extend(report.wrong_shape.iter().map(shape));
     lines.extend(report.unsupported.iter().map(|(name, dtype)| format!("wrong type   {name}: {dtype}")));
     lines.extend(damaged.iter().map(|d| format!("not finite   {}: {} at element {}", d.name, d.value, d.index)));
     lines.extend(report.surplus.iter().map(|name| format!("surplus      {name}")));
     lines.push(format!("left out     {} tensor(s) of parts that are not run", report.ignored.len()));
     let count = checkpoint.tensors().count();
-    lines.push(if problems == 0 { format!("ok: {count} tensors") } else { format!("{problems} problem(s) in {count} tensors") });
+    lines.push(if problems == 0 {
+        format!("ok: {count} tensors")
+    } else {
+        format!("{problems} problem(s) in {count} tensors")
+    });
     lines.join("\n")
 }
