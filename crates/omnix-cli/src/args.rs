@@ -101,8 +101,12 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "NAME|INDEX", help_heading = "Device")]
     pub(crate) device: Option<String>,
 
-    /// One JSON object a line on standard output, nothing for people. Its `event` is note, plan, device, progress, frame,
-    /// done or error.
+    /// One JSON object a line on standard output, nothing for people.
+    ///
+    /// Its `event` is one of: note {message}; plan {images, image_size, peak_bytes, weight_bytes, backbone_flops,
+    /// head_flops, outputs, ...}; device {name, backend, driver, kind, tier}; progress {phase: read|weights|backbone|head,
+    /// done, total, seconds}; frame {index, video, frame, time_s, depth_min, depth_max, seconds}; done {dir, files, manifest,
+    /// images, timings_s, note}; error {kind, exit_code, message, causes}. The last line is done or error.
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -144,10 +148,10 @@ fn reference(text: &str) -> Result<ReferenceChoice, String> {
         "middle" => Ok(ReferenceChoice::Middle),
         "saddle_balanced" => Ok(ReferenceChoice::SaddleBalanced),
         "saddle_sim_range" => Ok(ReferenceChoice::SaddleSimRange),
-        index => index
-            .parse()
-            .map(ReferenceChoice::Forced)
-            .map_err(|_| "first, middle, saddle_balanced, saddle_sim_range or an index from 0".to_owned()),
+        index => match index.parse() {
+            Ok(index) => Ok(ReferenceChoice::Forced(index)),
+            Err(_) => Err("first, middle, saddle_balanced, saddle_sim_range or an index from 0".to_owned()),
+        },
     }
 }
 

@@ -17,7 +17,9 @@ pub(crate) fn parse(text: &str) -> Result<u64, String> {
         "tb" => 1_000_000_000_000,
         other => return Err(format!("unknown unit `{other}`: write 4GiB, 512MiB or plain bytes")),
     };
-    let number: f64 = number.parse().map_err(|_| "write a number and a unit, such as 4GiB or 512MiB".to_owned())?;
+    let Ok(number) = number.parse::<f64>() else {
+        return Err("write a number and a unit, such as 4GiB or 512MiB".to_owned());
+    };
     let bytes = number * unit as f64;
     if bytes >= 1.0 && bytes < u64::MAX as f64 { Ok(bytes as u64) } else { Err("not a possible size".to_owned()) }
 }

@@ -81,7 +81,7 @@ impl Job {
 /// The request of `images` pictures under these options; one video in order.
 pub(crate) fn request(args: &RunArgs, images: usize, width: u32, height: u32) -> Request {
     Request {
-        reference: args.reference.clone(),
+        reference: args.reference,
         rays: args.cameras == Cameras::Rays,
         storage: args.weights_type.into(),
         budget: args.memory_budget,

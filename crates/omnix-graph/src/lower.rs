@@ -31,7 +31,7 @@ pub(crate) struct Call {
 }
 
 fn u32_of(kernel: &'static str, n: usize) -> Result<u32, KernelError> {
-    u32::try_from(n).map_err(|_| too_large(kernel, n))
+    u32::try_from(n).map_err(|_overflow| too_large(kernel, n))
 }
 
 /// The calls of `node`; `chunk` is `(rows, unit)` of a chunk, else the node runs whole.
@@ -58,7 +58,8 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
         }
         Op::LayerNorm { x, weight, bias, eps, act } => {
             let c = n(graph.shape(*x).width())?;
-            let spec = LayerNorm { m: rows_of(*x)?, c, eps: *eps, act: *act, weight: weight.is_some(), bias: bias.is_some() };
+            let spec =
+                LayerNorm { m: rows_of(*x)?, c, eps: *eps, act: *act, weight: weight.is_some(), bias: bias.is_some() };
             one(smallvec![Some(*x), *weight, *bias, Some(y)], spec.record(caps)?)
         }
         Op::SplitHeads(s) => {
@@ -163,7 +164,10 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
             let shape = graph.shape(*base);
             let m = graph.shape(*index).elements();
             let spec = Scatter { n: n(shape[0])?, m: n(m)?, c: n(shape[1..].iter().product())? };
-            let keep = Call { args: smallvec![Some(*base), Some(y)], dispatches: whole_copy(n(shape.elements())?).record(caps)? };
+            let keep = Call {
+                args: smallvec![Some(*base), Some(y)],
+                dispatches: whole_copy(n(shape.elements())?).record(caps)?,
+            };
             let write = Call { args: smallvec![Some(*x), Some(*index), Some(y)], dispatches: spec.record(caps)? };
             Ok(vec![keep, write])
         }

@@ -345,7 +345,12 @@ impl Op {
             }
             Self::Copy { pieces } => pieces.iter_mut().for_each(|(v, _)| all(&mut [v])),
             Self::Binary { a, b, .. } => all(&mut [a, &mut b.value]),
-            Self::Unary { x, .. } | Self::SwiGlu { x } | Self::Softmax { x } | Self::Reduce { x, .. } | Self::TopK { x, .. } | Self::ReferenceView { x, .. } => {
+            Self::Unary { x, .. }
+            | Self::SwiGlu { x }
+            | Self::Softmax { x }
+            | Self::Reduce { x, .. }
+            | Self::TopK { x, .. }
+            | Self::ReferenceView { x, .. } => {
                 all(&mut [x]);
             }
             Self::Gather { x, index } => all(&mut [x, index]),

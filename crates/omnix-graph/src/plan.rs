@@ -102,7 +102,12 @@ impl Plan {
 }
 
 /// The fewest parts whose memory fits the budget and the device's largest buffer.
-fn fit(graph: &Graph, segments: &[Segment], options: &PlanOptions, max_buffer: u64) -> Result<(usize, MemoryPlan), GraphError> {
+fn fit(
+    graph: &Graph,
+    segments: &[Segment],
+    options: &PlanOptions,
+    max_buffer: u64,
+) -> Result<(usize, MemoryPlan), GraphError> {
     let mut parts = options.parts.max(1);
     let mut least = u64::MAX;
     loop {

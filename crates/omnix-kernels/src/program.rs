@@ -102,7 +102,13 @@ impl Program {
     }
 }
 
-fn bind(gpu: &Gpu, pipeline: &Pipeline, dispatch: &Dispatch, args: &[BufferSlice], params: &wgpu::Buffer) -> wgpu::BindGroup {
+fn bind(
+    gpu: &Gpu,
+    pipeline: &Pipeline,
+    dispatch: &Dispatch,
+    args: &[BufferSlice],
+    params: &wgpu::Buffer,
+) -> wgpu::BindGroup {
     let mut entries = vec![wgpu::BindGroupEntry {
         binding: 0,
         resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -123,7 +129,11 @@ fn bind(gpu: &Gpu, pipeline: &Pipeline, dispatch: &Dispatch, args: &[BufferSlice
         let size = if uniform { UNIFORM_WINDOW } else { size };
         entries.push(wgpu::BindGroupEntry {
             binding: i as u32 + 1,
-            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset, size: wgpu::BufferSize::new(size) }),
+            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer,
+                offset,
+                size: wgpu::BufferSize::new(size),
+            }),
         });
     }
     gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -169,21 +169,15 @@ impl Run<'_> {
         let table = request.rays.then(|| sample_table(rays_size[0] * rays_size[1]));
         let image = [request.height as u32, request.width as u32];
         let (frames, sinks, finished) = (&self.job.input.frames, &mut self.sinks, &mut self.finished);
+        ui.begin("backbone", "network over all images");
         // Both callbacks of the session talk to the user, one at a time.
         let ui = std::cell::RefCell::new(ui);
-        let mut phase = None;
-        let mut heads_since = 0.0;
+        let mut heads_since = None;
         let mut heard = |p: omnix::Progress| {
             let mut ui = ui.borrow_mut();
-            if phase != Some(p.phase) {
-                phase = Some(p.phase);
-                match p.phase {
-                    Phase::Head => {
-                        heads_since = since.elapsed().as_secs_f64();
-                        ui.begin("head", "depth, image by image");
-                    }
-                    _ => ui.begin("backbone", "network over all images"),
-                }
+            if p.phase == Phase::Head && heads_since.is_none() {
+                heads_since = Some(since.elapsed().as_secs_f64());
+                ui.begin("head", "depth, image by image");
             }
             ui.progress(p.done, p.total);
             stop::flow()
@@ -225,8 +219,9 @@ impl Run<'_> {
             Ok(())
         };
         let outcome = session.run(&mut heard, &mut each);
+        let (all, heads_since) = (since.elapsed().as_secs_f64(), heads_since.unwrap_or(0.0));
         self.timings.insert("backbone".to_owned(), json!(heads_since));
-        self.timings.insert("heads_and_exports".to_owned(), json!(since.elapsed().as_secs_f64() - heads_since));
+        self.timings.insert("heads_and_exports".to_owned(), json!(all - heads_since));
         Ok(outcome?)
     }
 
