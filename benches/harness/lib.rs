@@ -1,1 +1,157 @@
-//! Shared bench harness.
+//! Shared bench harness: the device, the command line, and a Markdown table of cases against the machine's ceilings.
+//!
+//! `cargo bench -p omnix-benches --bench kernels [-- [--test] [--tier software|baseline|gpu] [FILTER]]`; `--test` runs each
+//! case once, a filter keeps the cases whose "kernel case" contains it. `OMNIX_DEVICE` picks the device.
+
+use std::io::Write as _;
+
+use omnix_kernels::bench::{Ceilings, Effort, time};
+use omnix_kernels::run::{HostArg, upload};
+use omnix_kernels::{Dispatch, Gpu, KernelError, Tier, adapter};
+
+/// What a case is measured by.
+#[derive(Clone, Copy, Debug)]
+pub enum Work {
+    /// Operations, compared with the arithmetic ceiling.
+    Flops(u64),
+    /// Bytes read and written, compared with the copy ceiling.
+    Bytes(u64),
+}
+
+/// The command line.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Run each case once, without measuring the ceilings.
+    pub test: bool,
+    /// Another family of variants than the device's own.
+    pub tier: Option<Tier>,
+    /// A part of "kernel case".
+    pub filter: Option<String>,
+}
+
+impl Options {
+    /// Reads the process's arguments.
+    ///
+    /// # Errors
+    /// A message that names an argument this does not know.
+    pub fn from_args() -> Result<Self, String> {
+        let mut options = Self::default();
+        let mut args = std::env::args().skip(1);
+        while let Some(arg) = args.next() {
+            match arg.as_str() {
+                "--test" => options.test = true,
+                // Cargo adds it.
+                "--bench" => {}
+                "--tier" => {
+                    options.tier = Some(match args.next().as_deref() {
+                        Some("software") => Tier::Software,
+                        Some("baseline") => Tier::Baseline,
+                        Some("gpu") => Tier::Gpu,
+                        other => return Err(format!("--tier takes software, baseline or gpu, not {other:?}")),
+                    });
+                }
+                filter if !filter.starts_with('-') => options.filter = Some(filter.to_owned()),
+                other => return Err(format!("unknown argument {other}; there are --test, --tier TIER and a filter")),
+            }
+        }
+        Ok(options)
+    }
+}
+
+/// A running table.
+#[derive(Debug)]
+pub struct Bench {
+    /// The device, with the variants asked for.
+    pub gpu: Gpu,
+    options: Options,
+    ceilings: Option<Ceilings>,
+}
+
+impl Bench {
+    /// Opens the device, measures the ceilings and prints the head of the table.
+    ///
+    /// # Errors
+    /// When there is no usable device.
+    pub fn new(options: Options) -> Result<Self, KernelError> {
+        let adapter = adapter::choose(std::env::var("OMNIX_DEVICE").ok().as_deref())?;
+        let (device, queue) = adapter::open(&adapter)?;
+        let mut gpu = Gpu::new(&device, &queue);
+        if let Some(tier) = options.tier {
+            gpu = gpu.with_caps(gpu.caps.clone().with_tier(tier));
+        }
+        let info = adapter.get_info();
+        say(&format!("{} ({}), {} variants\n", info.name, info.driver_info, gpu.caps.tier));
+        let software = info.device_type == wgpu::DeviceType::Cpu;
+        let ceilings = (software && !options.test).then(Ceilings::measure);
+        if let Some(c) = &ceilings {
+            say(&format!(
+                "Ceilings, best of 5 by processor time, {} threads: {:.0} GFLOP/s ({}), copy {:.1} GB/s (read + written).\n\
+                 Rates are medians of 5 runs; \"quiet\" is by processor time / threads instead of wall time, what an idle\n\
+                 machine would show, and is what the ceiling is compared with. \"first\" includes the driver's compilation.\n",
+                c.threads,
+                c.flops / 1e9,
+                c.method,
+                c.copy / 1e9
+            ));
+        }
+        say("| kernel | case | ms | rate | quiet | of ceiling | first ms |");
+        say("|---|---|---|---|---|---|---|");
+        Ok(Self { gpu, options, ceilings })
+    }
+
+    /// Whether the filter keeps any case of this name, so that its inputs need not be made otherwise.
+    #[must_use]
+    pub fn wants(&self, kernel: &str, case: &str) -> bool {
+        self.options.filter.as_ref().is_none_or(|filter| format!("{kernel} {case}").contains(filter.as_str()))
+    }
+
+    /// Measures one case and prints its line.
+    ///
+    /// # Errors
+    /// When it cannot be recorded or run.
+    pub fn case(
+        &self,
+        kernel: &str,
+        case: &str,
+        work: Work,
+        dispatches: &[Dispatch],
+        args: &[HostArg<'_>],
+    ) -> Result<(), KernelError> {
+        let args = upload(&self.gpu, args)?;
+        let effort = if self.options.test { Effort::ONCE } else { Effort::TABLE };
+        let timing = time(&self.gpu, dispatches, &args, effort)?;
+        let (amount, unit, ceiling) = match work {
+            Work::Flops(n) => (n as f64, "GFLOP/s", self.ceilings.map(|c| c.flops)),
+            Work::Bytes(n) => (n as f64, "GB/s", self.ceilings.map(|c| c.copy)),
+        };
+        let rate = |seconds: f64| format!("{:.1} {unit}", amount / seconds / 1e9);
+        let part = |seconds: f64| ceiling.map_or("-".to_owned(), |c| format!("{:.0} %", 100.0 * amount / seconds / c));
+        // Processor time says something about a device that runs on the processor.
+        let quiet = timing.cpu.filter(|_| self.ceilings.is_some());
+        say(&format!(
+            "| {kernel} | {case} | {:.2} | {} | {} | {} | {:.0} |",
+            timing.wall * 1e3,
+            rate(timing.wall),
+            quiet.map_or("-".to_owned(), rate),
+            part(quiet.unwrap_or(timing.wall)),
+            timing.first * 1e3,
+        ));
+        Ok(())
+    }
+}
+
+/// `len` numbers in -1..1, the same on every machine.
+#[must_use]
+pub fn numbers(len: usize) -> Vec<f32> {
+    let mut state = 1u32;
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1u32 << 23) as f32 - 1.0
+    };
+    (0..len).map(|_| next()).collect()
+}
+
+/// A line on standard output. A closed pipe is no reason to fail.
+fn say(line: &str) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}

@@ -1,7 +1,8 @@
 // attention, any WebGPU device: see lib/attention_params for the equation and the shapes.
 //
-// An invocation owns a query row: its $DP sums live in registers, keys come four at a time (one vec4 of a
-// transposed block), values one row at a time. No workgroup memory: right everywhere, fast nowhere.
+// An invocation owns a query row: keys come four at a time (one vec4 of a transposed block), values one row at a
+// time. The sums are an array with a loop index, so that one small shader serves every head width and compiles quickly
+// on drivers that unroll badly. No workgroup memory: right everywhere, fast nowhere.
 #import attention_params
 #import grid
 
@@ -28,27 +29,29 @@ fn main(
     let d4 = p.head_dim / 4u;
     var m = NEVER;
     var l = 0.0;
-#for v in 0..${DP/4}
-    var o$v = vec4<f32>(0.0);
-#end
+    // 128 channels; Params decide how many are in use.
+    var sums: array<vec4<f32>, 32>;
+    for (var c = 0u; c < d4; c++) {
+        sums[c] = vec4<f32>(0.0);
+    }
     if ((p.flags & FIRST) == 0u) {
         let before = state[row];
         m = before.x;
         l = before.y;
-#for v in 0..${DP/4}
-        if (${v}u < d4) {
-            o$v = out[to + ${v}u];
+        for (var c = 0u; c < d4; c++) {
+            sums[c] = out[to + c];
         }
-#end
     }
-    let q_at = row * ${DP/4}u;
-    let kv = i * p.kv_pad * ${DP/4}u;
+    // vec4 of a padded row.
+    let dp4 = (d4 + 7u) / 8u * 8u;
+    let q_at = row * dp4;
+    let kv = i * p.kv_pad * dp4;
     // Groups of four keys that hold at least one real key.
     let fours = min(p.keys, p.nk - p.key0 + 3u) / 4u;
     for (var four = 0u; four < fours; four++) {
         var s = vec4<f32>(0.0);
-        var at = kv + four / 8u * ${DP*8}u + four % 8u;
-        for (var d = 0u; d < ${DP/4}u; d++) {
+        var at = kv + four / 8u * 32u * dp4 + four % 8u;
+        for (var d = 0u; d < d4; d++) {
             let a = q[q_at + d];
             s = fma(vec4<f32>(a.x), k[at], s);
             s = fma(vec4<f32>(a.y), k[at + 8u], s);
@@ -63,16 +66,13 @@ fn main(
         m = m_new;
         s = exp(s - vec4<f32>(m));
         l = l * fade + ((s.x + s.y) + (s.z + s.w));
-#for v in 0..${DP/4}
-        o$v *= fade;
-#end
-        at = kv + four * ${DP}u;
-        for (var c = 0u; c < 4u; c++) {
-            let weight = vec4<f32>(s[c]);
-#for v in 0..${DP/4}
-            o$v = fma(weight, v[at + ${v}u], o$v);
-#end
-            at += ${DP/4}u;
+        at = kv + four * 4u * dp4;
+        for (var c = 0u; c < d4; c++) {
+            var sum = sums[c] * fade;
+            sum = fma(vec4<f32>(s.x), v[at + c], sum);
+            sum = fma(vec4<f32>(s.y), v[at + c + dp4], sum);
+            sum = fma(vec4<f32>(s.z), v[at + c + 2u * dp4], sum);
+            sums[c] = fma(vec4<f32>(s.w), v[at + c + 3u * dp4], sum);
         }
     }
     var scale = 1.0;
@@ -81,9 +81,7 @@ fn main(
     } else {
         state[row] = vec2<f32>(m, l);
     }
-#for v in 0..${DP/4}
-    if (${v}u < d4) {
-        out[to + ${v}u] = o$v * scale;
+    for (var c = 0u; c < d4; c++) {
+        out[to + c] = sums[c] * scale;
     }
-#end
 }

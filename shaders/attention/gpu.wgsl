@@ -90,14 +90,22 @@ fn main(
 #for j in 0..4
         s$j = exp(s$j - vec4<f32>(m));
         l += (s$j.x + s$j.y) + (s$j.z + s$j.w);
-        for (var c = 0u; c < 4u; c++) {
-            let weight = vec4<f32>(s$j[c]);
-            let at = (c + ${j*4}u) * ${DP/4}u;
+#end
+        // Loops over the keys, since software drivers take a minute to compile them unrolled; the scores move up instead
+        // of being indexed, which would put them in memory.
+        for (var j = 0u; j < 4u; j++) {
+            for (var c = 0u; c < 4u; c++) {
+                let weight = vec4<f32>(s0.x);
+                let at = (j * 4u + c) * ${DP/4}u;
+                s0 = s0.yzwx;
 #for v in 0..${DP/4}
-            o$v = fma(weight, vs[at + ${v}u], o$v);
+                o$v = fma(weight, vs[at + ${v}u], o$v);
 #end
+            }
+            s0 = s1;
+            s1 = s2;
+            s2 = s3;
         }
-#end
         workgroupBarrier();
     }
     if (!mine) {

@@ -3,7 +3,7 @@
 //   out[g * nq + i, h * D + d] = sum_j softmax_j(q[g, h, i] . k[g, h, j]) v[g, h, j, d]
 //
 // q [groups][heads][nq_pad][Dp], already scaled; k [groups][heads][nk_pad / 32][Dp][32], keys transposed in blocks of 32;
-// v [groups][heads][nk_pad][Dp]; *_pad are multiples of 32, Dp = $DP is D rounded up to 32, all padding zero.
+// v [groups][heads][nk_pad][Dp]; *_pad are multiples of 32, Dp is D rounded up to 32, all padding zero.
 // The softmax is the online one: a running maximum m and sum l a row, and what was summed so far is multiplied by
 // exp(m_old - m_new) when the maximum grows. Between windows of keys the unnormalised sums stay in out,
 // m and l in state [groups][heads][nq_pad][2]; the numbers and their order are those of one long window.

@@ -210,9 +210,9 @@ fn the_reference_is_first_known_or_selected() {
         let (reference, gathers, g) = with(3, choice, false);
         let Reference::Selected(index) = reference else { panic!("{reference:?}") };
         assert_eq!((g.value_name(index), dims(&g, index)), ("ref.index", vec![1]));
-        // The stream, then four features and four camera tokens back.
-        assert_eq!(gathers, 9);
-        assert_eq!(count(&fuse(&g), |op| matches!(op, Op::Gather { .. })), 6, "three camera tokens are not needed");
+        // The stream, then both halves of four features and four camera tokens back.
+        assert_eq!(gathers, 13);
+        assert_eq!(count(&fuse(&g), |op| matches!(op, Op::Gather { .. })), 10, "three camera tokens are not needed");
     }
 }
 

@@ -10,3 +10,4 @@ mod goldens;
 mod graphs;
 mod interpret;
 mod manifest;
+mod plans;

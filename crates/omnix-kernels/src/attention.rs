@@ -304,7 +304,7 @@ impl Attention {
         let of = |variants: [&'static Shader; 4]| variants[padded(self.head_dim) as usize / 32 - 1];
         match tier {
             Tier::Software => of([&s::SOFTWARE_32, &s::SOFTWARE_64, &s::SOFTWARE_96, &s::SOFTWARE_128]),
-            Tier::Baseline => of([&s::BASELINE_32, &s::BASELINE_64, &s::BASELINE_96, &s::BASELINE_128]),
+            Tier::Baseline => &s::BASELINE,
             Tier::Gpu => of([&s::GPU_32, &s::GPU_64, &s::GPU_96, &s::GPU_128]),
         }
     }

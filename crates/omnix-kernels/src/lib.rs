@@ -8,6 +8,7 @@
 //! Tensors are f32, contiguous, channels last: tokens `[image, token, channel]`, maps `[image, row, column, channel]`.
 
 pub mod adapter;
+pub mod bench;
 pub mod caps;
 pub mod cpu;
 pub mod dispatch;
@@ -24,6 +25,8 @@ mod cover;
 pub mod attention;
 pub mod conv2d;
 pub mod copy;
+pub mod deform_sample;
+pub mod field_scatter;
 pub mod gather;
 pub mod layer_norm;
 pub mod linear;
@@ -35,7 +38,10 @@ pub mod scatter;
 pub mod softmax;
 pub mod split_heads;
 pub mod swiglu;
+pub mod token_expand;
 pub mod top_k;
+pub mod traj_apply;
+pub mod trajectory;
 
 pub use activation::Activation;
 pub use caps::{Caps, Tier};

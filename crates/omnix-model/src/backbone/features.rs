@@ -22,6 +22,8 @@ pub(super) fn take(
 ) -> Result<(Value, Value), GraphError> {
     let (s, t, c) = (spec.images, spec.tokens(), g.shape(x).width());
     let normed = layer_norm(g, &root().pp("norm"), x, FINAL_EPS)?;
+    // Each half alone: the joined feature is the largest value, and one more of it would set the peak of memory.
+    let (own, beside) = (order.undo(g, normed)?, order.undo(g, local)?);
     let patches = |value: Value, column: usize| Piece {
         value,
         dims: vec![s, t - 1, c],
@@ -29,8 +31,7 @@ pub(super) fn take(
         strides: vec![t * c, c, 1],
         at: vec![0, 0, column],
     };
-    let feature = g.assemble([s, t - 1, 2 * c], &[patches(local, 0), patches(normed, c)])?;
-    let feature = order.undo(g, feature)?;
+    let feature = g.assemble([s, t - 1, 2 * c], &[patches(beside, 0), patches(own, c)])?;
     g.output(feature, &format!("feat.{k}"));
 
     let token = |value: Value, column: usize| Piece {
