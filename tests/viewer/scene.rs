@@ -96,12 +96,12 @@ pub(crate) fn moving(count: usize, times: usize) -> MovingPoints {
         moving: vec![],
     };
     let mut found: Vec<(V, Option<usize>)> = Vec::new();
-    let step = f64::from(WIDTH * HEIGHT) * times as f64 / count.max(1) as f64;
+    // Multiples of the golden section spread evenly over 0..1, and so do the pixels chosen by them over the picture.
+    let share = count as f64 / times as f64 / f64::from(WIDTH * HEIGHT);
+    let chosen = |i: u32| (f64::from(i) * 0.618_033_988_75).fract() < share;
     for time in 0..times {
         let (centre, axes) = camera(part(time));
         let mut data = Vec::with_capacity((3 * WIDTH * HEIGHT) as usize);
-        // A fixed fractional stride chooses pixels evenly.
-        let mut next = step / 2.0;
         for i in 0..WIDTH * HEIGHT {
             let (u, v) = (i % WIDTH, i / WIDTH);
             let [x, y] = [(f64::from(u) - 125.5) / FOCAL, (f64::from(v) - 83.5) / FOCAL];
@@ -109,8 +109,7 @@ pub(crate) fn moving(count: usize, times: usize) -> MovingPoints {
             let (distance, colour, which) = hit(centre, ray, part(time));
             let rgb = colour.map(|c| c as u8);
             data.extend(rgb);
-            if count > 0 && f64::from(i) >= next {
-                next += step;
+            if chosen(i) {
                 found.push((add(centre, scale(ray, distance)), which));
                 out.source.push(time as u32);
                 out.pixel.push([u, v]);

@@ -36,7 +36,7 @@ function start(data) {
   const pick = (name, allowed, otherwise) => (allowed.includes(options.get(name)) ? options.get(name) : otherwise);
   const settings = {
     colouring: pick('colour', Shaders.COLOURINGS, 'image'), movingOnly: options.get('moving') === '1', hide: 0, only: 'all', size: 1,
-    trails: options.get('trails') !== '0', trailPoints: Math.min(400, trails.available), reach: Math.min(6, Math.max(last, 1)), trailsByTime: true,
+    trails: options.get('trails') !== '0', trailPoints: Math.min(400, trails.available), reach: Math.max(1, Math.min(6, last, Math.max(3, Math.round(last / 4)))), trailsByTime: true,
     cameras: options.get('cameras') !== '0', pictures: pick('pictures', ['off', 'current', 'all'], 'current'), cameraSize: 1, follow: false,
     speed: 6, loop: true, run: -1, theme: pick('theme', ['dark', 'light'], 'dark'),
   };
@@ -215,6 +215,7 @@ function start(data) {
 
   let before = null;
   let rest = 0;
+  let told = -1;
   function tick(now) {
     if (playing && before !== null) {
       const [from, to] = range();
@@ -231,7 +232,10 @@ function start(data) {
       }
     }
     before = now;
-    stage.draw();
+    if (stage.draw() && (playing || time !== told)) {
+      told = time;
+      report({ playing });
+    }
     requestAnimationFrame(tick);
   }
 

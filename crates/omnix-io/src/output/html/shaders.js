@@ -123,7 +123,7 @@ void main() {
   gl_Position.xy += side * position.y * width / viewport * gl_Position.w;
   float at = stamp + mix(first, last, position.x);
   vec3 hue = byTime ? blend(timeRamp, at / max(times - 1.0, 1.0)) : colourOf();
-  colour = vec4(hue, pow(clamp(1.0 - (now - at) / max(reach, 1e-3), 0.0, 1.0), 0.7) * 0.95);
+  colour = vec4(hue, pow(clamp(1.0 - (now - at) / max(reach, 1e-3), 0.0, 1.0), 0.7) * 0.8);
 }`,
     fragment: `
 precision highp float;

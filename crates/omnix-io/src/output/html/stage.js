@@ -42,10 +42,15 @@ const Stage = (() => {
     function reset() {
       leave();
       const target = new THREE.Vector3(...centre);
+      // A little towards the cameras, so that they are in sight too, unless they are far outside.
+      if (views.length > 0) {
+        const towards = mean('centre').divideScalar(views.length).sub(target);
+        if (towards.length() < radius * 3) target.addScaledVector(towards, 0.2);
+      }
       const forward = views.length > 0 ? mean('forward').normalize() : new THREE.Vector3(0, 0, 1);
       if (forward.lengthSq() < 0.5) forward.set(0, 0, 1);
       const aspect = Math.min(eye.aspect, 1.4);
-      const away = (radius * 1.25) / Math.tan((FIELD * Math.PI) / 360) / Math.max(Math.min(aspect, 1), 0.55);
+      const away = (radius * 1.1) / Math.tan((FIELD * Math.PI) / 360) / Math.max(Math.min(aspect, 1), 0.55);
       const right = new THREE.Vector3().crossVectors(forward, up);
       const direction = forward.clone().multiplyScalar(-1).addScaledVector(up, 0.42).addScaledVector(right, 0.34).normalize();
       eye.fov = FIELD;

@@ -144,7 +144,7 @@ fn the_page_holds_what_it_was_given() {
     );
     assert_eq!(meta["views"].as_array().unwrap().len(), 3);
     assert_eq!(meta["views"][2]["seconds"], 0.2);
-    assert_eq!(meta["views"][0]["camera"]["corners"][0], serde_json::json!([-0.4, -0.3, 1.0]));
+    assert_eq!(meta["views"][0]["camera"]["corners"][0], serde_json::json!([-0.4_f32, -0.3_f32, 1.0_f32]));
     // The point that moves comes first.
     assert_eq!(decode(element(&page, "omnix-look")), [2, 3, 4, 255, 255, 0, 1, 0]);
     assert_eq!(words(element(&page, "omnix-scalars")), [0, 65535, 65535, 0, 0, 0, 0, 0]);

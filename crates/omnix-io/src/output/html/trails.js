@@ -65,7 +65,7 @@ const Trails = (() => {
       setTime: (time) => (own.now.value = time),
       setViewport(width, height, ratio) {
         own.viewport.value = [width, height];
-        own.width.value = 2 * ratio;
+        own.width.value = 1.6 * ratio;
       },
       set({ shown, points, reach, byTime }) {
         geometry.instanceCount = Math.min(points, chosen.length) * steps.length;
