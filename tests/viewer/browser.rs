@@ -15,7 +15,8 @@ use image::RgbImage;
 use serde_json::{Value, json};
 
 /// Names of the program, the first that is there is taken. OMNIX_CHROMIUM names another.
-const NAMES: [&str; 5] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chromium-headless-shell"];
+const NAMES: [&str; 5] =
+    ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chromium-headless-shell"];
 const PATIENCE: Duration = Duration::from_secs(240);
 /// The software driver: the same pictures on every machine.
 const SWIFTSHADER: [&str; 3] = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
@@ -37,7 +38,8 @@ fn program() -> PathBuf {
         return given.into();
     }
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let found = NAMES.iter().find_map(|name| std::env::split_paths(&path).map(|dir| dir.join(name)).find(|at| at.is_file()));
+    let found =
+        NAMES.iter().find_map(|name| std::env::split_paths(&path).map(|dir| dir.join(name)).find(|at| at.is_file()));
     found.expect(
         "the viewer is tested in Chromium, which was not found: install it (apt install chromium; tools/test does), \
          or name the program in OMNIX_CHROMIUM",
@@ -86,7 +88,8 @@ impl Page {
         });
         let to = child.stdin.take();
         let mut page = Self { child, to, from, dir, session: String::new(), last: 0, console: Vec::new() };
-        let target = page.call("Target.createTarget", json!({ "url": "about:blank", "width": width, "height": height }));
+        let target =
+            page.call("Target.createTarget", json!({ "url": "about:blank", "width": width, "height": height }));
         let session = page.call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
         page.session = session["sessionId"].as_str().expect("a session has a name").to_owned();
         for domain in ["Page.enable", "Runtime.enable", "Log.enable"] {

@@ -140,7 +140,12 @@ fn two_hundred_thousand_points_at_thirty_two_times() {
     let start = Instant::now();
     let (_dir, path) = written(&points);
     let size = path.metadata().expect("the page is there").len();
-    eprintln!("{} points: written in {:.2} s, {:.1} MB", points.len(), start.elapsed().as_secs_f64(), size as f64 / 1e6);
+    eprintln!(
+        "{} points: written in {:.2} s, {:.1} MB",
+        points.len(),
+        start.elapsed().as_secs_f64(),
+        size as f64 / 1e6
+    );
     if let Some(out) = std::env::var_os("OMNIX_VIEWER_OUT") {
         std::fs::copy(&path, out).expect("the page can be copied to OMNIX_VIEWER_OUT");
     }

@@ -61,7 +61,11 @@ fn hit(from: V, ray: V, s: f64) -> (f64, V, Option<usize>) {
         }
     };
     offer((1.0 - from[1]) / ray[1], &|p| scale([184.0, 150.0, 116.0], tile(p[0] * 1.5, p[2] * 1.5)), None);
-    offer((8.0 - from[2]) / ray[2], &|p| scale([126.0, 148.0, 176.0], 0.82 + 0.1 * (1.0 - p[1]).min(2.0) * tile(p[0], p[1])), None);
+    offer(
+        (8.0 - from[2]) / ray[2],
+        &|p| scale([126.0, 148.0, 176.0], 0.82 + 0.1 * (1.0 - p[1]).min(2.0) * tile(p[0], p[1])),
+        None,
+    );
     offer((-3.6 - from[0]) / ray[0], &|p| scale([150.0, 170.0, 140.0], tile(p[1], p[2])), None);
     offer((3.6 - from[0]) / ray[0], &|p| scale([178.0, 140.0, 150.0], tile(p[1], p[2])), None);
     for which in 0..2 {
@@ -114,14 +118,20 @@ pub(crate) fn moving(count: usize, times: usize) -> MovingPoints {
                 out.source.push(time as u32);
                 out.pixel.push([u, v]);
                 out.colours.push(rgb);
-                out.motion.push(if which.is_some() { 0.9 - 0.2 * y.abs() as f32 } else { 0.04 + 0.1 * (x * y).abs() as f32 });
+                out.motion.push(if which.is_some() {
+                    0.9 - 0.2 * y.abs() as f32
+                } else {
+                    0.04 + 0.1 * (x * y).abs() as f32
+                });
                 out.confidence.push(1.0 + (14.0 / distance) as f32);
                 out.moving.push(which.is_some());
             }
         }
         let back = axes.map(|axis| -dot(axis, centre));
         out.views.push(MotionView {
-            extrinsics: std::array::from_fn(|r| [axes[r][0] as f32, axes[r][1] as f32, axes[r][2] as f32, back[r] as f32]),
+            extrinsics: std::array::from_fn(|r| {
+                [axes[r][0] as f32, axes[r][1] as f32, axes[r][2] as f32, back[r] as f32]
+            }),
             intrinsics: [[FOCAL as f32, 0.0, 125.5], [0.0, FOCAL as f32, 83.5], [0.0, 0.0, 1.0]],
             time: ImageTime { video: 0, frame: 3 * time as u32, time_s: Some(0.1 * time as f64) },
             picture: Picture::new(WIDTH, HEIGHT, data),

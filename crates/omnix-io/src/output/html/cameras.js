@@ -52,8 +52,8 @@ const Cameras = (() => {
       for (const item of items) {
         if (!item) continue;
         const current = item.index === state.current;
-        // From inside a camera its own outline and picture would cover what it sees.
-        const shown = state.shown && !(current && state.inside);
+        // From inside a camera its own outline and those of its neighbours would cover what it sees.
+        const shown = state.shown && !state.inside;
         item.frustum.visible = shown;
         item.frustum.material.color.copy(current ? accent : item.colour);
         item.frustum.material.opacity = current ? 1 : 0.5;
