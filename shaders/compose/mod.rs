@@ -129,7 +129,7 @@ fn parse_for(text: &str, vars: &Defines) -> Result<(String, std::ops::Range<i64>
     let (from, to) = range.split_once("..").ok_or_else(bad)?;
     let bound = |s: &str| -> Result<i64, String> {
         let text = substitute(s.trim(), vars)?;
-        text.parse().map_err(|_not_a_number| format!("`{text}` is not an integer bound"))
+        text.parse().map_err(|_| format!("`{text}` is not an integer bound"))
     };
     Ok((var.trim().to_owned(), bound(from)?..bound(to)?))
 }

@@ -2,8 +2,8 @@
 
 use omnix_kernels::layout::{HostParams, Layout};
 use omnix_kernels::{
-    attention, conv2d, copy, deform_sample, field_scatter, gather, layer_norm, linear, pointwise, reduce, reference_view,
-    resize, softmax, split_heads, swiglu, token_expand, top_k, traj_apply,
+    attention, conv2d, copy, deform_sample, field_scatter, gather, layer_norm, linear, pointwise, reduce,
+    reference_view, resize, softmax, split_heads, swiglu, token_expand, top_k, traj_apply,
 };
 use omnix_shaders::ALL;
 

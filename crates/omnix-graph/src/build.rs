@@ -30,6 +30,6 @@ impl Graph {
     /// The dimensions of a map `[frame, row, column, channel]`.
     pub(crate) fn map_dims(&self, op: &'static str, value: Value) -> Result<[usize; 4], GraphError> {
         <[usize; 4]>::try_from(&**self.shape(value))
-            .map_err(|_other_rank| self.misfit(op, value, "[frames, rows, columns, channels]"))
+            .map_err(|_| self.misfit(op, value, "[frames, rows, columns, channels]"))
     }
 }

@@ -31,7 +31,7 @@ pub(crate) struct Call {
 }
 
 fn u32_of(kernel: &'static str, n: usize) -> Result<u32, KernelError> {
-    u32::try_from(n).map_err(|_overflow| too_large(kernel, n))
+    u32::try_from(n).map_err(|_| too_large(kernel, n))
 }
 
 /// The calls of `node`; `chunk` is `(rows, unit)` of a chunk, else the node runs whole.

@@ -127,7 +127,11 @@ mod tests {
     fn an_adapter_too_small_is_told_why() {
         let enough = wgpu::Limits::default();
         assert!(below(&enough).is_empty());
-        let small = wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, max_storage_buffers_per_shader_stage: 4, ..enough };
+        let small = wgpu::Limits {
+            max_storage_buffer_binding_size: 1 << 20,
+            max_storage_buffers_per_shader_stage: 4,
+            ..enough
+        };
         let reasons = below(&small).join("; ");
         assert!(reasons.contains("largest storage binding is 1048576, at least 134217728 is needed"), "{reasons}");
         assert!(reasons.contains("storage buffers a stage is 4, at least 8 is needed"), "{reasons}");
