@@ -1,11 +1,11 @@
 //! Times of a whole network with seeded random weights: no checkpoint is needed to know how fast a device is.
 
 use std::collections::BTreeMap;
-use std::time::Instant;
 
 use omnix_graph::exec::Bindings;
 use omnix_graph::profile::{Span, profile};
 use omnix_graph::{Executable, Graph, ParameterSource, Plan, PlanOptions, WeightStore};
+use omnix_kernels::bench::Clock;
 use omnix_model::config::NetworkConfig;
 use omnix_model::{BackboneSpec, HeadSpec, Network, Parts};
 
@@ -69,12 +69,38 @@ pub struct NetworkTime {
     pub images: usize,
     /// Operations of the backbone.
     pub backbone_flops: u64,
-    /// Seconds of the backbone, the least of the runs.
-    pub backbone_s: f64,
+    /// Seconds of the backbone.
+    pub backbone: Seconds,
     /// Operations of the heads of all images.
     pub head_flops: u64,
-    /// Seconds of the heads of all images, the least of the runs.
-    pub head_s: f64,
+    /// Seconds of the heads of all images.
+    pub head: Seconds,
+}
+
+/// The least of some runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seconds {
+    /// By the wall.
+    pub wall: f64,
+    /// Processor time of all threads over the number of processors: what an idle machine would show, for software devices.
+    /// Linux only.
+    pub quiet: Option<f64>,
+}
+
+impl std::ops::Add for Seconds {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { wall: self.wall + other.wall, quiet: self.quiet.zip(other.quiet).map(|(a, b)| a + b) }
+    }
+}
+
+impl std::ops::Mul<f64> for Seconds {
+    type Output = Self;
+
+    fn mul(self, times: f64) -> Self {
+        Self { wall: self.wall * times, quiet: self.quiet.map(|q| q * times) }
+    }
 }
 
 /// A network on a device, ready to be timed.
@@ -131,16 +157,21 @@ impl NetworkBench {
     pub fn time(&self, times: usize) -> Result<NetworkTime, OmnixError> {
         let least = |run: &dyn Fn() -> Result<(), OmnixError>| {
             run()?;
-            let mut best = f64::INFINITY;
+            let mut best = Seconds { wall: f64::INFINITY, quiet: None };
             for _ in 0..times.max(1) {
-                let since = Instant::now();
+                let clock = Clock::start();
                 run()?;
-                best = best.min(since.elapsed().as_secs_f64());
+                let (wall, quiet) = clock.seconds();
+                best.wall = best.wall.min(wall);
+                best.quiet = match (best.quiet, quiet) {
+                    (Some(a), Some(b)) => Some(a.min(b)),
+                    (a, b) => a.or(b),
+                };
             }
             Ok::<_, OmnixError>(best)
         };
         let go = |_, _| std::ops::ControlFlow::Continue(());
-        let backbone_s = least(&|| Ok(self.backbone.run(&mut { go })?))?;
+        let backbone = least(&|| Ok(self.backbone.run(&mut { go })?))?;
         for k in 0..4 {
             let name = format!("feat.{k}");
             let (from, to) = (self.backbone.slice(&name)?, self.head.slice(&name)?);
@@ -149,13 +180,13 @@ impl NetworkBench {
             encoder.copy_buffer_to_buffer(&from.buffer, from.offset, &to.buffer, to.offset, to.size);
             gpu.queue.submit([encoder.finish()]);
         }
-        let head_s = least(&|| Ok(self.head.run(&mut { go })?))? * self.images as f64;
+        let head = least(&|| Ok(self.head.run(&mut { go })?))? * self.images as f64;
         Ok(NetworkTime {
             images: self.images,
             backbone_flops: self.backbone.plan().flops(),
-            backbone_s,
+            backbone,
             head_flops: self.head.plan().flops() * self.images as u64,
-            head_s,
+            head,
         })
     }
 

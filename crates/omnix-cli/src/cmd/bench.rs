@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use omnix::bench::NetworkBench;
+use omnix::bench::{NetworkBench, Seconds};
 use omnix::graph::profile::{Span, write_chrome_trace};
 use omnix::kernels::attention::Attention;
 use omnix::kernels::bench::{Ceilings, Effort, time};
@@ -79,9 +79,13 @@ pub(crate) fn run(args: &BenchArgs, ui: &mut Ui) -> Result<(), CliError> {
         if let Some(c) = &ceilings {
             let (gflops, gbytes) = (c.flops / 1e9, c.copy / 1e9);
             ui::print(&format!(
-                "Ceilings, {} threads: {gflops:.0} GFLOP/s ({}), copy {gbytes:.1} GB/s\n",
+                "Ceilings, {} threads: {gflops:.0} GFLOP/s ({}), copy {gbytes:.1} GB/s.",
                 c.threads, c.method
             ))?;
+            ui::print(
+                "\"quiet\" is by processor time over threads, what an idle machine would show; it is what is compared with the \
+                 ceiling, where there is one.",
+            )?;
         }
     }
     let mut table = Table { ui, ceilings };
@@ -95,9 +99,9 @@ pub(crate) fn run(args: &BenchArgs, ui: &mut Ui) -> Result<(), CliError> {
         let network = NetworkBench::new(&engine, &config, images, height, width)?;
         let t = network.time(if args.quick { 1 } else { 3 })?;
         let case = format!("{images} of {width}x{height}");
-        table.row("encoder and cameras", &case, t.backbone_s, Work::Flops(t.backbone_flops))?;
-        table.row("depth heads", &case, t.head_s, Work::Flops(t.head_flops))?;
-        table.row(&config.name, &case, t.backbone_s + t.head_s, Work::Flops(t.backbone_flops + t.head_flops))?;
+        table.row("encoder and cameras", &case, t.backbone, Work::Flops(t.backbone_flops))?;
+        table.row("depth heads", &case, t.head, Work::Flops(t.head_flops))?;
+        table.row(&config.name, &case, t.backbone + t.head, Work::Flops(t.backbone_flops + t.head_flops))?;
         last = Some(network);
     }
     let Some(network) = last else { return Ok(()) };
@@ -120,23 +124,32 @@ impl Table<'_> {
         if self.ui.json() {
             return Ok(());
         }
-        ui::print(&format!("\n| {what} | {case} | ms | rate | of ceiling |\n|---|---|---|---|---|"))
+        ui::print(&format!("\n| {what} | {case} | ms | rate | quiet | of ceiling |\n|---|---|---|---|---|---|"))
     }
 
-    fn row(&mut self, name: &str, case: &str, seconds: f64, work: Work) -> Result<(), CliError> {
-        let (rate, unit, ceiling) = match work {
-            Work::Flops(n) => (n as f64 / seconds, "GFLOP/s", self.ceilings.map(|c| c.flops)),
-            Work::Bytes(n) => (n as f64 / seconds, "GB/s", self.ceilings.map(|c| c.copy)),
+    fn row(&mut self, name: &str, case: &str, seconds: Seconds, work: Work) -> Result<(), CliError> {
+        let (amount, unit, ceiling) = match work {
+            Work::Flops(n) => (n as f64, "GFLOP/s", self.ceilings.map(|c| c.flops)),
+            Work::Bytes(n) => (n as f64, "GB/s", self.ceilings.map(|c| c.copy)),
         };
-        let fraction = ceiling.map(|c| rate / c);
+        // Processor time says nothing about a device that is not the processor.
+        let quiet = seconds.quiet.filter(|_| self.ceilings.is_some()).map(|s| amount / s);
+        let rate = amount / seconds.wall;
+        let fraction = ceiling.map(|c| quiet.unwrap_or(rate) / c);
         if self.ui.json() {
-            let row: Value = json!({ "name": name, "case": case, "seconds": seconds, "rate": rate, "unit": unit.trim_start_matches('G'),
-                "of_ceiling": fraction });
+            let row: Value = json!({
+                "name": name, "case": case, "seconds": seconds.wall, "rate": rate, "quiet_rate": quiet,
+                "unit": unit.trim_start_matches('G'), "of_ceiling": fraction,
+            });
             self.ui.event("row", row);
             return Ok(());
         }
-        let share = fraction.map_or_else(|| "-".to_owned(), |f| format!("{:.0} %", 100.0 * f));
-        ui::print(&format!("| {name} | {case} | {:.2} | {:.1} {unit} | {share} |", 1e3 * seconds, rate / 1e9))
+        let in_giga = |rate: Option<f64>| {
+            rate.filter(|r| *r > 0.0).map_or_else(|| "-".to_owned(), |r| format!("{:.1} {unit}", r / 1e9))
+        };
+        let share = fraction.filter(|f| *f > 0.0).map_or_else(|| "-".to_owned(), |f| format!("{:.0} %", 100.0 * f));
+        let (rate, quiet) = (in_giga(Some(rate)), in_giga(quiet));
+        ui::print(&format!("| {name} | {case} | {:.2} | {rate} | {quiet} | {share} |", 1e3 * seconds.wall))
     }
 }
 
@@ -146,7 +159,7 @@ fn kernels(table: &mut Table<'_>, gpu: &Gpu, quick: bool) -> Result<(), CliError
     let effort = if quick { Effort::ONCE } else { Effort::TABLE };
     let mut measure = |name: &str, case: &str, work: Work, dispatches: &[Dispatch], args: &[HostArg<'_>]| {
         let timing = time(gpu, dispatches, &upload(gpu, args)?, effort)?;
-        table.row(name, case, timing.wall, work)
+        table.row(name, case, Seconds { wall: timing.wall, quiet: timing.cpu }, work)
     };
     for storage in [WeightType::F32, WeightType::F16] {
         let (m, n, k) = (721, 1536, 384);
@@ -200,7 +213,7 @@ fn operations(table: &mut Table<'_>, spans: &[Span], images: usize) -> Result<()
     for (op, (seconds, flops, count)) in kinds {
         // The heads' part is that of one image.
         let case = format!("{count} calls, {images} image(s), heads of one");
-        table.row(op, &case, seconds, Work::Flops(flops))?;
+        table.row(op, &case, Seconds { wall: seconds, quiet: None }, Work::Flops(flops))?;
     }
     Ok(())
 }
