@@ -3,9 +3,9 @@
 use omnix_kernels::deform_sample::DeformSample;
 use omnix_kernels::run::{HostArg, execute, read, upload};
 use omnix_kernels::traj_apply::{self, Gate, Motion, TrajApply};
-use omnix_kernels::trajectory::{THETA, Trajectory, Y};
+use omnix_kernels::trajectory::{THETA, Trajectory, Y, packed_words};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, assert_close, gpu, tiers, with_max_binding};
+use omnix_tests::{Rng, assert_close, tiers, with_max_binding};
 
 use crate::deform_sample::{Inputs, compute as sample, spec as sampled};
 use crate::traj_apply::motions;
@@ -34,6 +34,8 @@ fn compute(gpu: &Gpu, spec: &Trajectory, inputs: &Inputs, when: [u32; 2]) -> (Ve
     args[7] = HostArg::Out(spec.nt as usize * n * 3);
     args[8] = HostArg::Out(n);
     args[9] = HostArg::Out(spec.anchor_words() as usize);
+    let sample = &spec.sample;
+    args[10] = HostArg::Out(packed_words(u64::from(sample.levels), u64::from(spec.nt), sample.cells()) as usize);
     let slices = upload(gpu, &args).expect("uploads");
     execute(gpu, &spec.record(&gpu.caps).expect("records"), &slices).expect("runs");
     (read(gpu, &slices[usize::from(Y.0)]).expect("reads"), read(gpu, &slices[usize::from(THETA.0)]).expect("reads"))
@@ -42,7 +44,7 @@ fn compute(gpu: &Gpu, spec: &Trajectory, inputs: &Inputs, when: [u32; 2]) -> (Ve
 fn cases() -> Vec<DeformSample> {
     let mut release = sampled([20, 9], [5, 3], 3, None);
     (release.levels, release.points) = (4, 9);
-    // More levels than the windows of the software variant; a grid too large for one.
+    // More levels than the software variant has windows.
     let mut deep = sampled([14, 9], [5, 3], 2, None);
     deep.levels = 6;
     vec![
@@ -50,6 +52,9 @@ fn cases() -> Vec<DeformSample> {
         sampled([33, 1], [7, 1], 2, None),
         sampled([33, 14], [4, 2], 5, None),
         sampled([33, 28], [6, 5], 3, Some(131)),
+        // Two and one times in a window of the software variant; a grid too large for it.
+        sampled([33, 14], [30, 15], 5, None),
+        sampled([33, 14], [36, 20], 3, None),
         sampled([33, 14], [60, 24], 2, None),
         release,
         deep,
@@ -94,7 +99,11 @@ fn matches_the_oracle_and_the_two_kernels_bit_for_bit() {
 #[test]
 fn neither_the_range_of_times_nor_the_split_changes_a_bit() {
     for gpu in tiers() {
-        for all in [sampled([33, 14], [4, 3], 7, None), sampled([33, 28], [4, 3], 7, Some(300))] {
+        for all in [
+            sampled([33, 14], [4, 3], 7, None),
+            sampled([33, 28], [4, 3], 7, Some(300)),
+            sampled([33, 14], [36, 20], 7, None),
+        ] {
             let inputs = Inputs::new(&all);
             let whole = Trajectory { sample: all, nt: 7, motion: MOTION };
             let (y, theta) = compute(&gpu, &whole, &inputs, [2, 0]);
@@ -104,8 +113,9 @@ fn neither_the_range_of_times_nor_the_split_changes_a_bit() {
                 assert!(part.0 == y[t0 as usize * row..(t0 + nt) as usize * row], "{}: {t0} {nt}", gpu.caps.tier);
                 assert!(part.1 == theta);
             }
-            let small = with_max_binding(&gpu, 8192);
-            assert!(whole.record(&small.caps).expect("records").len() > 9);
+            // The field is bound whole, whatever the limit.
+            let small = with_max_binding(&gpu, 8192.max(all.field_words() * 4 + 256));
+            assert!(whole.record(&small.caps).expect("records").len() > 1);
             assert!(compute(&small, &whole, &inputs, [2, 0]) == (y, theta), "{}: split", gpu.caps.tier);
         }
     }

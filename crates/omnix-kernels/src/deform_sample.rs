@@ -73,8 +73,8 @@ pub struct DeformParams {
     pub(crate) gate: u32,
     pub(crate) threshold: f32,
     pub(crate) min_norm: f32,
+    pub(crate) slot: u32,
     pub(crate) pad0: u32,
-    pub(crate) pad1: u32,
 }
 
 crate::layout::layout!(DeformParams {
@@ -100,8 +100,8 @@ crate::layout::layout!(DeformParams {
     gate,
     threshold,
     min_norm,
-    pad0,
-    pad1
+    slot,
+    pad0
 });
 
 pub(crate) const LISTED: u32 = 1;
