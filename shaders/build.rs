@@ -59,16 +59,26 @@ fn main() {
     }
     // A new kernel folder changes the package folder itself.
     println!("cargo:rerun-if-changed={}", root.display());
-    let _ = writeln!(rust, "/// Every variant of every kernel, sorted by kernel.\npub static ALL: &[&Shader] = &[{}];", all.join(", "));
+    let _ = writeln!(
+        rust,
+        "/// Every variant of every kernel, sorted by kernel.\npub static ALL: &[&Shader] = &[{}];",
+        all.join(", ")
+    );
     assert!(failures.is_empty(), "invalid shaders:\n\n{}", failures.join("\n\n"));
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets it")).join("shaders.rs");
     fs::write(out, rust).expect("OUT_DIR is writable");
 }
 
 /// Emits `pub mod k { … }`; returns the names of its statics.
-fn build_kernel(root: &Path, kernel: &str, rust: &mut String, failures: &mut Vec<String>) -> Result<Vec<String>, String> {
+fn build_kernel(
+    root: &Path,
+    kernel: &str,
+    rust: &mut String,
+    failures: &mut Vec<String>,
+) -> Result<Vec<String>, String> {
     let folder = root.join(kernel);
-    let sidecar = fs::read_to_string(folder.join(format!("{kernel}.toml"))).map_err(|e| format!("{kernel}.toml: {e}"))?;
+    let sidecar =
+        fs::read_to_string(folder.join(format!("{kernel}.toml"))).map_err(|e| format!("{kernel}.toml: {e}"))?;
     let sidecar: Sidecar = toml::from_str(&sidecar).map_err(|e| format!("{kernel}.toml: {e}"))?;
     let _ = writeln!(rust, "/// Variants of the kernel `{kernel}`.\npub mod {kernel} {{\n    use super::*;");
     let mut statics = Vec::new();

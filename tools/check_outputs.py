@@ -99,7 +99,9 @@ def check_depth_against_npz(folder):
     worst = 0.0
     for entry in json.loads((folder / "depth/depth.json").read_text())["images"]:
         values = np.asarray(Image.open(folder / entry["file"])).astype(np.float64) * entry["scale"]
-        worst = max(worst, np.abs(values - depth[entry["index"]])[values > 0].max() / entry["scale"])
+        # The npz is rounded to 6 decimals, which is part of a step where depths are small.
+        apart = np.maximum(np.abs(values - depth[entry["index"]]) - 5.1e-7, 0)
+        worst = max(worst, apart[values > 0].max() / entry["scale"])
     assert worst <= 0.51, f"{worst} steps apart"
     return f"at most {worst:.3f} steps apart"
 

@@ -1,11 +1,25 @@
 //! Every kernel over the shapes of the real networks: see the harness for the command line.
 
 mod attention;
+mod conv2d;
+mod copy;
+mod deform_sample;
+mod field_scatter;
+mod gather;
 mod layer_norm;
 mod linear;
+mod pointwise;
 mod reduce;
+mod reference_view;
+mod resize;
+mod scatter;
 mod softmax;
 mod split_heads;
+mod swiglu;
+mod token_expand;
+mod top_k;
+mod traj_apply;
+mod trajectory;
 
 use omnix_benches::{Bench, Options};
 
@@ -17,5 +31,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     split_heads::run(&bench)?;
     softmax::run(&bench)?;
     reduce::run(&bench)?;
+    conv2d::run(&bench)?;
+    resize::run(&bench)?;
+    copy::run(&bench)?;
+    pointwise::run(&bench)?;
+    swiglu::run(&bench)?;
+    gather::run(&bench)?;
+    scatter::run(&bench)?;
+    top_k::run(&bench)?;
+    reference_view::run(&bench)?;
+    token_expand::run(&bench)?;
+    field_scatter::run(&bench)?;
+    deform_sample::run(&bench)?;
+    traj_apply::run(&bench)?;
+    trajectory::run(&bench)?;
     Ok(())
 }

@@ -4,26 +4,13 @@
 // channels is allowed. Sums run over k in order.
 #import conv2d_params
 #import grid
+#import packed_storage
 
 @group(0) @binding(1) var<storage, read> x: array<f32>;
-#if W16
-@group(0) @binding(2) var<storage, read> w: array<vec4<u32>>;
-#else
-@group(0) @binding(2) var<storage, read> w: array<vec4<f32>>;
-#endif
 @group(0) @binding(3) var<storage, read> bias: array<f32>;
 @group(0) @binding(4) var<storage, read> residual: array<f32>;
 @group(0) @binding(5) var<storage, read> residual2: array<f32>;
 @group(0) @binding(6) var<storage, read_write> y: array<f32>;
-
-fn weight(block: u32, k: u32, lane: u32) -> vec4<f32> {
-#if W16
-    let u = w[(block * p.k_packed / 2u + k / 2u) * 8u + lane];
-    return select(lib_odd(u), lib_even(u), k % 2u == 0u);
-#else
-    return w[(block * p.k_packed + k) * 8u + lane];
-#endif
-}
 
 fn bias4(column: u32) -> vec4<f32> {
     var v = vec4<f32>(0.0);
@@ -88,7 +75,7 @@ fn main(
         let x$i = select(p.x_rest, lib_tap(at$i, ky, kx), on$i);
 #end
         for (var c = 0u; c < p.ci; c++) {
-            let b = weight(block, k, lane);
+            let b = lib_weight(block, k, lane);
 #for i in 0..4
             c$i = fma(vec4<f32>(select(0.0, max(x[x$i + c], p.low), on$i)), b, c$i);
 #end

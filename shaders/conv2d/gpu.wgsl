@@ -5,13 +5,9 @@
 // pixels as one vec4. An invocation owns 4x4. Any number of channels. Sums run over k in order.
 #import conv2d_params
 #import grid
+#import packed_storage
 
 @group(0) @binding(1) var<storage, read> x: array<f32>;
-#if W16
-@group(0) @binding(2) var<storage, read> w: array<vec4<u32>>;
-#else
-@group(0) @binding(2) var<storage, read> w: array<vec4<f32>>;
-#endif
 @group(0) @binding(3) var<storage, read> bias: array<f32>;
 @group(0) @binding(4) var<storage, read> residual: array<f32>;
 @group(0) @binding(5) var<storage, read> residual2: array<f32>;
@@ -27,12 +23,7 @@ fn weight(block: u32, k: u32, lane: u32) -> vec4<f32> {
     if (k >= p.taps * p.ci || block >= p.blocks) {
         return vec4<f32>(0.0);
     }
-#if W16
-    let u = w[(block * p.k_packed / 2u + k / 2u) * 8u + lane];
-    return select(lib_odd(u), lib_even(u), k % 2u == 0u);
-#else
-    return w[(block * p.k_packed + k) * 8u + lane];
-#endif
+    return lib_weight(block, k, lane);
 }
 
 fn at(place: Place, tap: u32, c: u32) -> f32 {

@@ -86,34 +86,7 @@ fn main(
             let a$r = select(vec4<f32>(0.0), max(x[x$r], low), on$r);
             x$r += 1u;
 #end
-#if W16
-#for h in 0..2
-            let u$h = w[wpos];
-            wpos += 8u;
-#for e in 0..2
-#if !e
-            let b${h*2+e} = lib_even(u$h);
-#else
-            let b${h*2+e} = lib_odd(u$h);
-#endif
-#for r in 0..$R
-#for j in 0..8
-            c${r*8+j} = fma(vec4<f32>(subgroupShuffle(a$r[${h*2+e}], ${j}u)), b${h*2+e}, c${r*8+j});
-#end
-#end
-#end
-#end
-#else
-#for q in 0..4
-            let b$q = w[wpos];
-            wpos += 8u;
-#for r in 0..$R
-#for j in 0..8
-            c${r*8+j} = fma(vec4<f32>(subgroupShuffle(a$r[$q], ${j}u)), b$q, c${r*8+j});
-#end
-#end
-#end
-#endif
+#import product_step
         }
     }
     let n4 = p.n0 / 4u + block * 8u + lane;

@@ -1,7 +1,7 @@
 // layer_norm, software devices: see lib/layer_norm_params for the equation and the shapes.
 //
 // A workgroup is one subgroup of 8 lanes and owns $ROWS consecutive rows; lane l takes the vec4 l, l + 8, …
-// of a row, and two constant shuffles patterns add the lanes up. No workgroup memory, no barrier.
+// of a row, and three constant shuffles add the lanes up. No workgroup memory, no barrier.
 // Needs c to be a multiple of 4.
 #import layer_norm_params
 #import grid

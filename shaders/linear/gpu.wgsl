@@ -8,13 +8,9 @@
 // memory a vec4 pair; 40 registers an invocation leave full occupancy on current GPUs.
 #import linear_params
 #import grid
+#import packed_storage
 
 @group(0) @binding(1) var<storage, read> x: array<f32>;
-#if W16
-@group(0) @binding(2) var<storage, read> w: array<vec4<u32>>;
-#else
-@group(0) @binding(2) var<storage, read> w: array<vec4<f32>>;
-#endif
 @group(0) @binding(3) var<storage, read> bias: array<f32>;
 @group(0) @binding(4) var<storage, read> gamma: array<f32>;
 @group(0) @binding(5) var<storage, read> residual: array<f32>;
@@ -30,15 +26,7 @@ fn weight(block: u32, k: u32, lane: u32) -> vec4<f32> {
     if (k >= p.k || block >= p.blocks) {
         return vec4<f32>(0.0);
     }
-#if W16
-    let u = w[(block * p.k_packed / 2u + k / 2u) * 8u + lane];
-    if (k % 2u == 0u) {
-        return lib_even(u);
-    }
-    return lib_odd(u);
-#else
-    return w[(block * p.k_packed + k) * 8u + lane];
-#endif
+    return lib_weight(block, k, lane);
 }
 
 fn at(row: u32, k: u32) -> f32 {

@@ -4,29 +4,13 @@
 // allowed. No workgroup memory: right everywhere, fast nowhere.
 #import linear_params
 #import grid
+#import packed_storage
 
 @group(0) @binding(1) var<storage, read> x: array<f32>;
-#if W16
-@group(0) @binding(2) var<storage, read> w: array<vec4<u32>>;
-#else
-@group(0) @binding(2) var<storage, read> w: array<vec4<f32>>;
-#endif
 @group(0) @binding(3) var<storage, read> bias: array<f32>;
 @group(0) @binding(4) var<storage, read> gamma: array<f32>;
 @group(0) @binding(5) var<storage, read> residual: array<f32>;
 @group(0) @binding(6) var<storage, read_write> y: array<f32>;
-
-fn weight(block: u32, k: u32, lane: u32) -> vec4<f32> {
-#if W16
-    let u = w[(block * p.k_packed / 2u + k / 2u) * 8u + lane];
-    if (k % 2u == 0u) {
-        return lib_even(u);
-    }
-    return lib_odd(u);
-#else
-    return w[(block * p.k_packed + k) * 8u + lane];
-#endif
-}
 
 fn finish(sum: vec4<f32>, row: u32, column: u32) {
     if (row >= p.m) {
@@ -81,7 +65,7 @@ fn main(
     var c$i = vec4<f32>(0.0);
 #end
     for (var k = 0u; k < p.k; k++) {
-        let b = weight(block, k, lane);
+        let b = lib_weight(block, k, lane);
 #for i in 0..4
         c$i = fma(vec4<f32>(x[x$i + k]), b, c$i);
 #end

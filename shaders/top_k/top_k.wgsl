@@ -1,4 +1,5 @@
 // top_k: of each row x[r, :] of n numbers the k largest: their indices, ascending, and a mask [n] of 1 and 0.
+// Flat indices are plus r * n.
 // Ties: the lower index wins; -0 equals 0; NaN counts as lowest. 1 <= k <= n.
 //
 // A workgroup owns a row. Numbers become unsigned keys of the same order. The k-th largest key is found bit
@@ -15,8 +16,9 @@ struct Params {
     x_rest: u32,
     i_rest: u32,
     m_rest: u32,
-    pad0: u32,
-    pad1: u32,
+    // Whether indices count over all rows, and the first row of this dispatch.
+    flat: u32,
+    row0: u32,
 }
 
 @group(0) @binding(0) var<uniform> p: Params;
@@ -97,6 +99,7 @@ fn main(
     let mask_to = p.m_rest + row * p.n;
     var place = before.x + min(before.y, equals);
     var seen = before.y;
+    let base_index = select(0u, (p.row0 + row) * p.n, p.flat != 0u);
     for (var i = start; i < end; i++) {
         let key = order(x[base + i]);
         let equal = key == limit;
@@ -104,7 +107,7 @@ fn main(
         seen += select(0u, 1u, equal);
         mask[mask_to + i] = select(0.0, 1.0, chosen);
         if (chosen) {
-            index[to + place] = i;
+            index[to + place] = base_index + i;
             place += 1u;
         }
     }

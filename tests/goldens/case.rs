@@ -25,8 +25,12 @@ impl Case {
             let bytes = file.tensor_bytes(name).ok_or("no bytes")?;
             let data = match info.dtype.as_str() {
                 "F32" | "F16" | "BF16" | "F64" => file.tensor(name).map_err(|e| e.to_string())?.to_f32(),
-                "I64" => bytes.chunks_exact(8).map(|b| i64::from_le_bytes(b.try_into().unwrap_or_default()) as f32).collect(),
-                "I32" => bytes.chunks_exact(4).map(|b| i32::from_le_bytes(b.try_into().unwrap_or_default()) as f32).collect(),
+                "I64" => {
+                    bytes.chunks_exact(8).map(|b| i64::from_le_bytes(b.try_into().unwrap_or_default()) as f32).collect()
+                }
+                "I32" => {
+                    bytes.chunks_exact(4).map(|b| i32::from_le_bytes(b.try_into().unwrap_or_default()) as f32).collect()
+                }
                 "U8" | "BOOL" => bytes.iter().map(|b| f32::from(*b)).collect(),
                 other => return Err(format!("{name} has type {other}")),
             };
@@ -92,8 +96,7 @@ impl Comparison {
         if !headline && what.contains(" f16 ") {
             self.half = self.half.max(error);
         }
-        // Written so that a NaN fails.
-        if !(error <= limit) {
+        if error.is_nan() || error > limit {
             self.failures.push(format!("{what}: {error:.3e} > {limit:.0e}"));
         }
     }

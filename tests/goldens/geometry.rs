@@ -45,13 +45,15 @@ fn matrices(case: &Case, name: &str) -> Result<Vec<[[f32; 3]; 3]>, String> {
 
 fn cameras(case: &Case, total: &mut Comparison) -> Result<(), String> {
     let quaternions = data(case, "quat.in_xyzw")?;
-    let turned: Vec<f32> = quaternions.as_chunks().0.iter().flat_map(|q| rotation_from_quaternion(*q).concat()).collect();
+    let turned: Vec<f32> =
+        quaternions.as_chunks().0.iter().flat_map(|q| rotation_from_quaternion(*q).concat()).collect();
     total.compare("quat.matrix", &turned, data(case, "quat.matrix")?, LIMIT, true);
 
     let size = data(case, "enc.hw")?;
     let (height, width) = (size[0] as u32, size[1] as u32);
     let (w2c, k) = (poses(case, "enc.w2c")?, matrices(case, "enc.intrinsics")?);
-    let given = w2c.iter().zip(&k).map(|(extrinsics, intrinsics)| Camera { extrinsics: *extrinsics, intrinsics: *intrinsics });
+    let given =
+        w2c.iter().zip(&k).map(|(extrinsics, intrinsics)| Camera { extrinsics: *extrinsics, intrinsics: *intrinsics });
     let codes: Vec<f32> = given.flat_map(|c| encode_pose_code(&c, height, width)).collect();
     total.compare("enc.pose", &codes, data(case, "enc.pose")?, LIMIT, true);
     let decoded: Vec<Camera> =
@@ -89,7 +91,8 @@ fn rays(case: &Case, total: &mut Comparison) -> Result<(), String> {
     let image = data(case, "in.image_hw")?;
     let ranks: Vec<u32> = data(case, "in.sample_table")?.iter().map(|r| *r as u32).collect();
     let maps = RayMaps { rays: &ray.data, confidence: data(case, "in.ray_conf")?, size: [ray.shape[2], ray.shape[3]] };
-    let found = cameras_from_rays(&maps, [image[0] as u32, image[1] as u32], Some(ranks.as_chunks().0)).map_err(|e| e.to_string())?;
+    let found = cameras_from_rays(&maps, [image[0] as u32, image[1] as u32], Some(ranks.as_chunks().0))
+        .map_err(|e| e.to_string())?;
     let extrinsics: Vec<f32> = found.iter().flat_map(|c| c.camera.extrinsics.concat()).collect();
     let intrinsics: Vec<f32> = found.iter().flat_map(|c| c.camera.intrinsics.concat()).collect();
     // Rays come from an f32 solve: they pass at their own limit and stay out of the headline.

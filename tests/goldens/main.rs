@@ -49,7 +49,9 @@ fn main() -> ExitCode {
         }
     }
     let result = if failed == 0 { "ok" } else { "FAILED" };
-    println!("\ntest result: {result}. {passed} passed; {failed} failed; {skipped} ignored; 0 measured; 0 filtered out");
+    println!(
+        "\ntest result: {result}. {passed} passed; {failed} failed; {skipped} ignored; 0 measured; 0 filtered out"
+    );
     // No folder at all is no success: the small copies belong to the repository.
     if failed == 0 && passed > 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
@@ -65,5 +67,11 @@ fn run(folder: &Folder) -> Result<Outcome, String> {
     if total.tensors == 0 {
         return Ok(Outcome::OutOfScope("no recorded tensor of a part that exists".to_owned()));
     }
-    Ok(Outcome::Compared { tensors: total.tensors, worst: total.worst, at: total.at, half: total.half, failures: total.failures })
+    Ok(Outcome::Compared {
+        tensors: total.tensors,
+        worst: total.worst,
+        at: total.at,
+        half: total.half,
+        failures: total.failures,
+    })
 }

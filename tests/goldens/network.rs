@@ -14,12 +14,29 @@ use crate::collect::Folder;
 
 /// Parts that later issues bring: trajectories, the Gaussian head, and what the reference derives from them.
 const LATER: &[&str] = &[
-    "traj.", "tau", "moved", "head.statistics", "head.field_embedding", "head.mask_embedding", "head.merged", "head.offsets",
-    "head.weights", "headout.raw_gs", "out.gaussians", "out.pixel_score", "out.token_score", "out.trajectory", "out.points",
+    "traj.",
+    "tau",
+    "moved",
+    "head.statistics",
+    "head.field_embedding",
+    "head.mask_embedding",
+    "head.merged",
+    "head.offsets",
+    "head.weights",
+    "headout.raw_gs",
+    "out.gaussians",
+    "out.pixel_score",
+    "out.token_score",
+    "out.trajectory",
+    "out.points",
 ];
 
 /// Runs all cases of `folder`; `Some(reason)` if its network is not part of this version.
-pub(crate) fn run(folder: &Folder, limits: &[(WeightType, f64)], total: &mut Comparison) -> Result<Option<String>, String> {
+pub(crate) fn run(
+    folder: &Folder,
+    limits: &[(WeightType, f64)],
+    total: &mut Comparison,
+) -> Result<Option<String>, String> {
     let cases = folder.cases();
     if cases.is_empty() {
         return Ok(None);
@@ -79,7 +96,9 @@ type Report<'a> = &'a mut dyn FnMut(&str, &[f32], &[f32]);
 
 fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: Report<'_>) -> Result<(), String> {
     let images = case.get("in.images").or_else(|| case.get("in.image_normalised")).ok_or("no input images")?;
-    let [.., count, 3, height, width] = images.shape[..] else { return Err(format!("images of shape {:?}", images.shape)) };
+    let [.., count, 3, height, width] = images.shape[..] else {
+        return Err(format!("images of shape {:?}", images.shape));
+    };
     let grid = (height / 14, width / 14);
     let wanted = expected(case);
     let taps: Vec<String> = wanted.keys().cloned().collect();
@@ -174,10 +193,20 @@ fn compare(
 }
 
 /// The cameras that the host decodes from the pose code.
-fn decoded_cameras(case: &Case, backbone: &Executable, height: usize, width: usize, report: Report<'_>) -> Result<(), String> {
+fn decoded_cameras(
+    case: &Case,
+    backbone: &Executable,
+    height: usize,
+    width: usize,
+    report: Report<'_>,
+) -> Result<(), String> {
     let codes = backbone.read("cam.pose_enc").map_err(|e| e.to_string())?;
-    let cameras: Vec<Camera> =
-        codes.as_chunks::<9>().0.iter().map(|c| omnix::geometry::decode_pose_code(*c, height as u32, width as u32)).collect();
+    let cameras: Vec<Camera> = codes
+        .as_chunks::<9>()
+        .0
+        .iter()
+        .map(|c| omnix::geometry::decode_pose_code(*c, height as u32, width as u32))
+        .collect();
     let extrinsics: Vec<f32> = cameras.iter().flat_map(|c| c.extrinsics.concat()).collect();
     let intrinsics: Vec<f32> = cameras.iter().flat_map(|c| c.intrinsics.concat()).collect();
     if let Some(want) = case.get("out.extrinsics") {

@@ -46,8 +46,15 @@ fn a_budget_is_met_or_the_least_is_named() {
     let budget = free * 3 / 4;
     let options = |budget| PlanOptions { budget: Some(budget), ..PlanOptions::default() };
     let tight = Plan::new(&graph, &caps, &options(budget)).expect("fits in chunks");
-    assert!(tight.working_bytes() <= budget && tight.parts > 1, "{} of {budget} in {} parts", tight.working_bytes(), tight.parts);
-    let Err(GraphError::Budget { least, .. }) = Plan::new(&graph, &caps, &options(1000)) else { panic!("1000 bytes cannot do") };
+    assert!(
+        tight.working_bytes() <= budget && tight.parts > 1,
+        "{} of {budget} in {} parts",
+        tight.working_bytes(),
+        tight.parts
+    );
+    let Err(GraphError::Budget { least, .. }) = Plan::new(&graph, &caps, &options(1000)) else {
+        panic!("1000 bytes cannot do")
+    };
     assert!(least > 1000 && least <= tight.working_bytes());
     assert!(Plan::new(&graph, &caps, &options(least)).is_ok(), "the least that was named works");
 }

@@ -3,5 +3,6 @@
 mod chunks;
 mod fusion;
 mod memory;
+mod motion;
 mod operations;
 mod support;

@@ -75,7 +75,8 @@ fn rows_go_through_gather_scatter_and_top_k() {
     let (scores, rows) = (Rng::new(1).normal(6), Rng::new(4).normal(24));
     let mut order: Vec<usize> = (0..6).collect();
     order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]));
-    let want: Vec<f32> = (0..6).map(|r| if order[..3].contains(&r) { rows[r * 4..][..4].iter().sum() } else { 0.0 }).collect();
+    let want: Vec<f32> =
+        (0..6).map(|r| if order[..3].contains(&r) { rows[r * 4..][..4].iter().sum() } else { 0.0 }).collect();
     assert_close("masked rows", &run(gpu(), &g, &PlanOptions::default()), &want, 1e-6);
 }
 

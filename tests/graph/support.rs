@@ -26,7 +26,8 @@ impl ParameterSource for Seeded<'_> {
 /// Plans and prepares `graph`.
 pub(crate) fn prepare(gpu: &Gpu, graph: &Graph, options: &PlanOptions) -> Executable {
     let plan = Plan::new(graph, &gpu.caps, options).expect("plans");
-    let store = WeightStore::load(gpu, &Seeded(graph), &plan.weights, &mut |_, _| ControlFlow::Continue(())).expect("loads");
+    let store =
+        WeightStore::load(gpu, &Seeded(graph), &plan.weights, &mut |_, _| ControlFlow::Continue(())).expect("loads");
     Executable::new(gpu, plan, &store, &Bindings::default()).expect("prepares")
 }
 
@@ -67,7 +68,8 @@ pub(crate) fn block(g: &mut Graph, x: Value, groups: usize, (heads, head_dim): (
     let q = g.linear(xn, q_w, None).expect("q");
     let q = g.query_heads(q, 0, &spec).expect("q heads");
     let o = g.attention(q, k, v).expect("attention");
-    let (proj, bias, gamma) = (g.parameter(&format!("{name}.proj"), [c, c]), vector(g, "proj.bias", c), vector(g, "ls1", c));
+    let (proj, bias, gamma) =
+        (g.parameter(&format!("{name}.proj"), [c, c]), vector(g, "proj.bias", c), vector(g, "ls1", c));
     let o = g.linear(o, proj, Some(bias)).expect("proj");
     let o = g.zip(Binary::Mul, o, gamma).expect("scale");
     let x = g.add_values(x, o).expect("residual");

@@ -36,5 +36,8 @@ pub fn assert_close(what: &str, got: &[f32], want: &[f32], limit: f64) {
         if d.is_nan() { f64::INFINITY } else { d }
     };
     let worst = (0..got.len()).max_by(|a, b| difference(*a).total_cmp(&difference(*b))).unwrap_or(0);
-    panic!("{what}: relative error {error:.3e} > {limit:.1e}; worst at {worst}: got {}, want {}", got[worst], want[worst]);
+    panic!(
+        "{what}: relative error {error:.3e} > {limit:.1e}; worst at {worst}: got {}, want {}",
+        got[worst], want[worst]
+    );
 }

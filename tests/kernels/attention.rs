@@ -118,6 +118,25 @@ fn padding_of_keys_has_no_weight() {
 }
 
 #[test]
+fn a_query_that_is_not_finite_stays_alone() {
+    for gpu in tiers() {
+        let spec = spec(1, 2, 32, 20, 40);
+        let mut inputs = inputs(&spec, 1.0);
+        let clean = compute(&gpu, &spec, &inputs);
+        // Query 9 of head 1.
+        inputs.q[(20 + 9) * 32 + 5] = f32::NAN;
+        let got = compute(&gpu, &spec, &inputs);
+        for (at, (got, clean)) in got.iter().zip(&clean).enumerate() {
+            if at / 64 == 9 && at % 64 >= 32 {
+                assert!(got.is_nan(), "{} {at}", gpu.caps.tier);
+            } else {
+                assert_eq!(got, clean, "{} {at}", gpu.caps.tier);
+            }
+        }
+    }
+}
+
+#[test]
 fn no_dispatch_is_too_long_and_the_last_key_counts() {
     for caps in [Caps::baseline(), Caps::lavapipe(), Caps::baseline().with_tier(omnix_kernels::Tier::Gpu)] {
         let spec = spec(1, 16, 64, 100_000, 100_000);

@@ -2,8 +2,8 @@
 
 use omnix_kernels::layout::{HostParams, Layout};
 use omnix_kernels::{
-    attention, conv2d, copy, gather, layer_norm, linear, pointwise, reduce, reference_view, resize, softmax,
-    split_heads, swiglu, top_k,
+    attention, conv2d, copy, deform_sample, field_scatter, gather, layer_norm, linear, pointwise, reduce,
+    reference_view, resize, softmax, split_heads, swiglu, token_expand, top_k, traj_apply,
 };
 use omnix_shaders::ALL;
 
@@ -12,6 +12,8 @@ const HOST: &[(&str, Layout)] = &[
     ("attention", attention::AttentionParams::LAYOUT),
     ("conv2d", conv2d::Conv2dParams::LAYOUT),
     ("copy", copy::CopyParams::LAYOUT),
+    ("deform_sample", deform_sample::DeformParams::LAYOUT),
+    ("field_scatter", field_scatter::FieldScatterParams::LAYOUT),
     ("gather", gather::RowsParams::LAYOUT),
     ("layer_norm", layer_norm::LayerNormParams::LAYOUT),
     ("linear", linear::LinearParams::LAYOUT),
@@ -23,7 +25,10 @@ const HOST: &[(&str, Layout)] = &[
     ("softmax", softmax::SoftmaxParams::LAYOUT),
     ("split_heads", split_heads::SplitHeadsParams::LAYOUT),
     ("swiglu", swiglu::SwiGluParams::LAYOUT),
+    ("token_expand", token_expand::TokenExpandParams::LAYOUT),
     ("top_k", top_k::TopKParams::LAYOUT),
+    ("traj_apply", traj_apply::TrajApplyParams::LAYOUT),
+    ("trajectory", deform_sample::DeformParams::LAYOUT),
 ];
 
 #[test]

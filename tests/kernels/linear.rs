@@ -8,11 +8,25 @@ use omnix_tests::{Rng, assert_close, tiers, with_max_binding};
 
 /// Rows, columns, depth: one, odd, tile edges, several column blocks, several uniform windows.
 const SHAPES: &[(u32, u32, u32)] = &[
-    (1, 1, 1), (1, 4, 4), (3, 7, 9), (5, 36, 588), (16, 32, 64), (17, 33, 13), (33, 100, 36), (130, 96, 520), (64, 8, 1028),
+    (1, 1, 1),
+    (1, 4, 4),
+    (3, 7, 9),
+    (5, 36, 588),
+    (16, 32, 64),
+    (17, 33, 13),
+    (33, 100, 36),
+    (130, 96, 520),
+    (64, 8, 1028),
     (70, 68, 2052),
 ];
 
-fn case(gpu: &Gpu, (m, n, k): (u32, u32, u32), storage: WeightType, act: Activation, full: bool) -> (Vec<f32>, Vec<f32>) {
+fn case(
+    gpu: &Gpu,
+    (m, n, k): (u32, u32, u32),
+    storage: WeightType,
+    act: Activation,
+    full: bool,
+) -> (Vec<f32>, Vec<f32>) {
     let mut rng = Rng::new(u64::from(m * 31 + n * 7 + k));
     let (mu, nu, ku) = (m as usize, n as usize, k as usize);
     let x = rng.normal(mu * ku);
@@ -23,15 +37,23 @@ fn case(gpu: &Gpu, (m, n, k): (u32, u32, u32), storage: WeightType, act: Activat
     let spec = Linear { m, weights, act, bias: full, gamma: full, residual: full };
     let packed = weights.pack(weight);
     let args = [
-        HostArg::F32(&x), HostArg::Bytes(&packed), HostArg::F32(&bias), HostArg::F32(&gamma), HostArg::F32(&residual),
+        HostArg::F32(&x),
+        HostArg::Bytes(&packed),
+        HostArg::F32(&bias),
+        HostArg::F32(&gamma),
+        HostArg::F32(&residual),
         HostArg::Out(mu * nu),
     ];
     let dispatches = spec.record(&gpu.caps).expect("records");
     let got = run(gpu, &dispatches, &args, usize::from(Y.0)).expect("runs");
 
     let want = cpu::linear(
-        (mu, nu, ku), &x, &weight, act,
-        full.then_some(bias.as_slice()), full.then_some(gamma.as_slice()),
+        (mu, nu, ku),
+        &x,
+        &weight,
+        act,
+        full.then_some(bias.as_slice()),
+        full.then_some(gamma.as_slice()),
         full.then_some(residual.as_slice()),
     );
     (got, want)
@@ -42,9 +64,19 @@ fn every_variant_matches_the_oracle() {
     for gpu in tiers() {
         for &shape in SHAPES {
             for storage in [WeightType::F32, WeightType::F16] {
-                for (act, full) in [(Activation::None, false), (Activation::Gelu, true), (Activation::Relu, true), (Activation::Silu, false)] {
+                for (act, full) in [
+                    (Activation::None, false),
+                    (Activation::Gelu, true),
+                    (Activation::Relu, true),
+                    (Activation::Silu, false),
+                ] {
                     let (got, want) = case(&gpu, shape, storage, act, full);
-                    assert_close(&format!("{} {shape:?} {storage:?} {act:?} full {full}", gpu.caps.tier), &got, &want, 2e-6);
+                    assert_close(
+                        &format!("{} {shape:?} {storage:?} {act:?} full {full}", gpu.caps.tier),
+                        &got,
+                        &want,
+                        2e-6,
+                    );
                 }
             }
         }

@@ -3,6 +3,8 @@
 mod attention;
 mod conv2d;
 mod copy;
+mod deform_sample;
+mod field_scatter;
 mod gather;
 mod layer_norm;
 mod layout;
@@ -15,4 +17,7 @@ mod scatter;
 mod softmax;
 mod split_heads;
 mod swiglu;
+mod token_expand;
 mod top_k;
+mod traj_apply;
+mod trajectory;

@@ -12,7 +12,7 @@ fn check(gpu: &Gpu, spec: TopK, x: &[f32]) -> usize {
     execute(gpu, &dispatches, &slices).expect("runs");
     let index: Vec<u32> = read(gpu, &slices[usize::from(INDEX.0)]).expect("reads");
     let mask: Vec<f32> = read(gpu, &slices[usize::from(MASK.0)]).expect("reads");
-    let (want_index, want_mask) = cpu::top_k((spec.n as usize, spec.k as usize), x);
+    let (want_index, want_mask) = cpu::top_k((spec.n as usize, spec.k as usize), spec.flat, x);
     assert!(index == want_index, "{spec:?}: indices");
     assert!(mask == want_mask, "{spec:?}: mask");
     dispatches.len()
@@ -25,10 +25,11 @@ fn matches_the_oracle_with_and_without_ties() {
     {
         let mut rng = Rng::new(u64::from(n));
         let x = rng.normal((rows * n) as usize);
-        check(gpu(), TopK { rows, n, k }, &x);
+        check(gpu(), TopK { rows, n, k, flat: false }, &x);
+        check(gpu(), TopK { rows, n, k, flat: true }, &x);
         let ties: Vec<f32> = x.iter().map(|v| (v * 2.0).round()).collect();
-        check(gpu(), TopK { rows, n, k }, &ties);
-        check(gpu(), TopK { rows, n, k }, &vec![0.25; x.len()]);
+        check(gpu(), TopK { rows, n, k, flat: false }, &ties);
+        check(gpu(), TopK { rows, n, k, flat: false }, &vec![0.25; x.len()]);
     }
 }
 
@@ -36,7 +37,7 @@ fn matches_the_oracle_with_and_without_ties() {
 fn long_rows_are_right() {
     let (n, k) = (100_000, 10_000);
     let x: Vec<f32> = Rng::new(1).normal(n).iter().map(|v| (v * 1000.0).round()).collect();
-    check(gpu(), TopK { rows: 1, n: n as u32, k }, &x);
+    check(gpu(), TopK { rows: 1, n: n as u32, k, flat: false }, &x);
 }
 
 #[test]
@@ -54,7 +55,7 @@ fn special_values_have_their_order() {
         f32::MIN,
     ];
     for k in 1..=10 {
-        check(gpu(), TopK { rows: 1, n: 10, k }, &x);
+        check(gpu(), TopK { rows: 1, n: 10, k, flat: false }, &x);
     }
 }
 
@@ -62,16 +63,20 @@ fn special_values_have_their_order() {
 fn splitting_at_the_binding_limit_changes_nothing() {
     let small = with_max_binding(gpu(), 4096);
     let x = Rng::new(3).normal(37 * 301);
-    assert!(check(&small, TopK { rows: 37, n: 301, k: 30 }, &x) > 5);
+    assert!(check(&small, TopK { rows: 37, n: 301, k: 30, flat: true }, &x) > 5);
 }
 
 #[test]
 fn impossible_choices_are_errors() {
     let caps = Caps { max_binding: 1024, ..Caps::baseline() };
     for [rows, n, k] in [[0, 4, 1], [1, 4, 5], [1, 4, 0]] {
-        assert!(TopK { rows, n, k }.record(&caps).is_err());
+        assert!(TopK { rows, n, k, flat: false }.record(&caps).is_err());
     }
     assert!(
-        TopK { rows: 1, n: 1000, k: 1 }.record(&caps).expect_err("long").to_string().contains("binds at most 1024")
+        TopK { rows: 1, n: 1000, k: 1, flat: false }
+            .record(&caps)
+            .expect_err("long")
+            .to_string()
+            .contains("binds at most 1024")
     );
 }

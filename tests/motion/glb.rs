@@ -91,7 +91,8 @@ fn cameras_go_where_the_images_were_taken() {
     let (keys, positions) = glb.channel("camera of video 0", "translation");
     assert_eq!(keys, [0.0, 0.1, 0.3], "image 2 belongs to the other video");
     let extras = &glb.document["asset"]["extras"];
-    let median: Vec<f64> = extras["median_in_first_camera_gltf_axes"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let median: Vec<f64> =
+        extras["median_in_first_camera_gltf_axes"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
     // World to the first camera is a step along y by 0.1.
     for (key, &image) in [0usize, 1, 3].iter().enumerate() {
         let w2c = points.views[image].extrinsics;

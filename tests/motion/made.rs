@@ -50,7 +50,8 @@ pub(crate) fn score(pixel: usize) -> f32 {
 
 /// Every `step`-th pixel of every image.
 pub(crate) fn points(images: usize, step: usize) -> MovingPoints {
-    let chosen: Vec<(usize, usize)> = (0..images).flat_map(|s| (0..PIXELS).step_by(step).map(move |p| (s, p))).collect();
+    let chosen: Vec<(usize, usize)> =
+        (0..images).flat_map(|s| (0..PIXELS).step_by(step).map(move |p| (s, p))).collect();
     let views = views(images);
     MovingPoints {
         source: chosen.iter().map(|c| c.0 as u32).collect(),

@@ -101,9 +101,11 @@ fn pictures_threshold_and_padded_views_are_byte_equal() {
 fn cameras_are_inverted_and_infinite_points_left_out() {
     let dir = tempfile::tempdir().unwrap();
     let mut points = made::points(3, 1);
-    points.positions[3 * (points.len() + 5)] = f32::INFINITY;
+    let at_time_1 = points.len();
+    points.positions[3 * (at_time_1 + 5)] = f32::INFINITY;
     points.motion[0] = f32::NAN;
-    let path = write_omx4d(&dir.path().join("a.omx4d"), "made \"up\"", 10.0, &points, &Omx4dOptions::default()).unwrap();
+    let path =
+        write_omx4d(&dir.path().join("a.omx4d"), "made \"up\"", 10.0, &points, &Omx4dOptions::default()).unwrap();
     let bytes = fs::read(path).unwrap();
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     let header: serde_json::Value = serde_json::from_slice(&bytes[16..16 + length]).unwrap();

@@ -5,10 +5,12 @@ mod dense;
 mod image;
 mod index;
 mod layout;
+mod motion;
 mod pointwise;
 
 pub use attend::{HeadNorm, Heads};
 pub use layout::Piece;
+pub use motion::Expand;
 
 use crate::error::GraphError;
 use crate::graph::{Graph, Value};
@@ -27,6 +29,7 @@ impl Graph {
 
     /// The dimensions of a map `[frame, row, column, channel]`.
     pub(crate) fn map_dims(&self, op: &'static str, value: Value) -> Result<[usize; 4], GraphError> {
-        <[usize; 4]>::try_from(&**self.shape(value)).map_err(|_| self.misfit(op, value, "[frames, rows, columns, channels]"))
+        <[usize; 4]>::try_from(&**self.shape(value))
+            .map_err(|_| self.misfit(op, value, "[frames, rows, columns, channels]"))
     }
 }

@@ -21,7 +21,9 @@ pub enum GraphError {
         got: Shape,
     },
     /// A tensor larger than the device's largest buffer.
-    #[error("`{value}` {shape} takes {bytes} bytes, more than the largest buffer of this device ({limit}); use fewer or smaller images")]
+    #[error(
+        "`{value}` {shape} takes {bytes} bytes, more than the largest buffer of this device ({limit}); use fewer or smaller images"
+    )]
     TensorTooLarge {
         /// The value's name.
         value: String,

@@ -63,13 +63,20 @@ impl Executable {
                     crate::record::Stored::Value(v) => buffers[v.0 as usize].clone(),
                     crate::record::Stored::Weight(i) => stored(i),
                 };
-                whole.map(|w| BufferSlice { offset: w.offset + slot.offset, size: slot.size.min(w.size), buffer: w.buffer })
+                whole.map(|w| BufferSlice {
+                    offset: w.offset + slot.offset,
+                    size: slot.size.min(w.size),
+                    buffer: w.buffer,
+                })
             };
             let found: Option<Vec<_>> = call.args.iter().map(resolve).collect();
             args.push(found.ok_or_else(|| GraphError::NoSuchValue { name: call.name.clone() })?);
         }
-        let pairs: Vec<(&Dispatch, &[BufferSlice])> =
-            recorded.iter().zip(&args).flat_map(|(call, args)| call.dispatches.iter().map(move |d| (d, args.as_slice()))).collect();
+        let pairs: Vec<(&Dispatch, &[BufferSlice])> = recorded
+            .iter()
+            .zip(&args)
+            .flat_map(|(call, args)| call.dispatches.iter().map(move |d| (d, args.as_slice())))
+            .collect();
         let program = Program::new(gpu, pairs)?;
         let pieces = pieces(&plan, &recorded);
         Ok(Self { gpu: gpu.clone(), plan, program, buffers, pieces })
@@ -102,7 +109,9 @@ impl Executable {
     fn find(&self, name: &str) -> Option<Value> {
         let graph = &self.plan.graph;
         let output = graph.outputs().iter().find(|v| graph.value_name(**v) == name).copied();
-        output.or_else(|| graph.values().find(|(_, i)| i.name == name && matches!(i.source, Source::Input)).map(|(v, _)| v))
+        output.or_else(|| {
+            graph.values().find(|(_, i)| i.name == name && matches!(i.source, Source::Input)).map(|(v, _)| v)
+        })
     }
 
     /// Writes all numbers of an input.
@@ -150,7 +159,8 @@ impl Executable {
 
     /// Records a whole run into the host's encoder.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("omnix"), timestamp_writes: None });
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("omnix"), timestamp_writes: None });
         self.program.encode(&mut pass, 0..self.program.len());
     }
 
@@ -199,7 +209,9 @@ impl Executable {
         Ok(())
     }
 
-    pub(crate) fn gpu(&self) -> &Gpu {
+    /// The device it runs on.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 

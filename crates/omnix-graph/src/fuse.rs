@@ -95,15 +95,23 @@ impl Pass {
         let row = |b: &Operand| b.div == 1 && b.len == shape.width() && self.graph.shape(b.value).len() == 1;
         let mut merged = self.graph.nodes[j].op.clone();
         match (&mut merged, then) {
-            (Op::Linear(l), Then::Unary(op)) if l.act == Activation::None && l.gamma.is_none() && l.residual.is_none() => {
+            (Op::Linear(l), Then::Unary(op))
+                if l.act == Activation::None && l.gamma.is_none() && l.residual.is_none() =>
+            {
                 l.act = activation(op)?;
             }
-            (Op::Conv2d(c), Then::Unary(op)) if c.act == Activation::None && c.residuals[0].is_none() => c.act = activation(op)?,
+            (Op::Conv2d(c), Then::Unary(op)) if c.act == Activation::None && c.residuals[0].is_none() => {
+                c.act = activation(op)?
+            }
             (Op::LayerNorm { act, .. }, Then::Unary(op)) if *act == Activation::None => *act = activation(op)?,
-            (Op::Linear(l), Then::Mul(b)) if row(&b) && l.gamma.is_none() && l.residual.is_none() => l.gamma = Some(b.value),
+            (Op::Linear(l), Then::Mul(b)) if row(&b) && l.gamma.is_none() && l.residual.is_none() => {
+                l.gamma = Some(b.value)
+            }
             (Op::Linear(l), Then::Add(b)) if same(&b) && l.residual.is_none() => l.residual = Some(b.value),
             (Op::Conv2d(c), Then::Add(b)) if same(&b) => *c.residuals.iter_mut().find(|r| r.is_none())? = Some(b.value),
-            (Op::Resize { add, .. }, Then::Add(b)) if add.is_none() && b.div == 1 && **self.graph.shape(b.value) == shape[1..] => {
+            (Op::Resize { add, .. }, Then::Add(b))
+                if add.is_none() && b.div == 1 && **self.graph.shape(b.value) == shape[1..] =>
+            {
                 *add = Some(b.value);
             }
             _ => return None,

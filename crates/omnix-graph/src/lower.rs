@@ -1,5 +1,7 @@
 //! From an operation to the kernel calls that compute it, for all rows or for a chunk of them.
 
+mod motion;
+
 use omnix_kernels::attention::Attention;
 use omnix_kernels::conv2d::Conv2d;
 use omnix_kernels::gather::Gather;
@@ -56,7 +58,8 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
         }
         Op::LayerNorm { x, weight, bias, eps, act } => {
             let c = n(graph.shape(*x).width())?;
-            let spec = LayerNorm { m: rows_of(*x)?, c, eps: *eps, act: *act, weight: weight.is_some(), bias: bias.is_some() };
+            let spec =
+                LayerNorm { m: rows_of(*x)?, c, eps: *eps, act: *act, weight: weight.is_some(), bias: bias.is_some() };
             one(smallvec![Some(*x), *weight, *bias, Some(y)], spec.record(caps)?)
         }
         Op::SplitHeads(s) => {
@@ -161,13 +164,16 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
             let shape = graph.shape(*base);
             let m = graph.shape(*index).elements();
             let spec = Scatter { n: n(shape[0])?, m: n(m)?, c: n(shape[1..].iter().product())? };
-            let keep = Call { args: smallvec![Some(*base), Some(y)], dispatches: whole_copy(n(shape.elements())?).record(caps)? };
+            let keep = Call {
+                args: smallvec![Some(*base), Some(y)],
+                dispatches: whole_copy(n(shape.elements())?).record(caps)?,
+            };
             let write = Call { args: smallvec![Some(*x), Some(*index), Some(y)], dispatches: spec.record(caps)? };
             Ok(vec![keep, write])
         }
-        Op::TopK { x, k } => {
+        Op::TopK { x, k, flat } => {
             let shape = graph.shape(*x);
-            let spec = TopK { rows: n(shape[0])?, n: n(shape[1])?, k: n(*k)? };
+            let spec = TopK { rows: n(shape[0])?, n: n(shape[1])?, k: n(*k)?, flat: *flat };
             one(smallvec![Some(*x), Some(y), Some(node.outputs[1])], spec.record(caps)?)
         }
         Op::ReferenceView { x, strategy } => {
@@ -175,6 +181,11 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
             let spec = ReferenceView { s: n(shape[0])?, c: n(shape[1])?, strategy: *strategy };
             one(smallvec![Some(*x), Some(y), Some(node.outputs[1]), Some(node.outputs[2])], spec.record(caps)?)
         }
+        Op::TokenExpand { .. }
+        | Op::FieldScatter { .. }
+        | Op::DeformSample(_)
+        | Op::TrajApply { .. }
+        | Op::Trajectory(_) => Ok(vec![motion::lower(plan, node)?]),
     }
 }
 

@@ -64,7 +64,8 @@ struct Life {
 /// When a value is larger than `max_buffer`.
 pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64) -> Result<MemoryPlan, GraphError> {
     let n = graph.values.len();
-    let mut plan = MemoryPlan { places: vec![Place::Unused; n], bytes: vec![0; n], arena: Vec::new(), own: 0, constants: 0 };
+    let mut plan =
+        MemoryPlan { places: vec![Place::Unused; n], bytes: vec![0; n], arena: Vec::new(), own: 0, constants: 0 };
     let windowed = windowed_roots(graph);
     let last = last_uses(graph);
     let mut segment_of = vec![0; graph.nodes.len()];
@@ -77,13 +78,16 @@ pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64
         let info = &graph.values[root];
         let mut bytes = round_up(info.physical.bytes().max(4), 256);
         let chain = match info.source {
-            Source::Node(i) => segments[segment_of[i]].chain.as_ref().filter(|c| c.interior.contains(&Value(root as u32))),
+            Source::Node(i) => {
+                segments[segment_of[i]].chain.as_ref().filter(|c| c.interior.contains(&Value(root as u32)))
+            }
             _ => None,
         };
         if let Some(chain) = chain {
             // Layouts pad every group of tokens to 32, so a chunk may take more than its share of the whole.
             let share = chain.chunk_rows(parts) as f64 / chain.rows as f64;
-            bytes = round_up((info.physical.bytes() as f64 * share).ceil() as u64 + chunk_padding(graph, root, share), 256);
+            bytes =
+                round_up((info.physical.bytes() as f64 * share).ceil() as u64 + chunk_padding(graph, root, share), 256);
         }
         if windowed[root] {
             bytes += UNIFORM_WINDOW;
@@ -126,7 +130,15 @@ fn chunk_padding(graph: &Graph, root: usize, share: f64) -> u64 {
 }
 
 /// Values that cross the border of a chain live for all of it: every chunk touches them.
-fn life(root: usize, bytes: u64, made: usize, last: usize, segments: &[Segment], segment_of: &[usize], interior: bool) -> Life {
+fn life(
+    root: usize,
+    bytes: u64,
+    made: usize,
+    last: usize,
+    segments: &[Segment],
+    segment_of: &[usize],
+    interior: bool,
+) -> Life {
     let widen = |i: usize| {
         let segment = &segments[segment_of[i]];
         if segment.chain.is_some() && !interior { segment.nodes.clone() } else { i..i + 1 }
@@ -134,13 +146,17 @@ fn life(root: usize, bytes: u64, made: usize, last: usize, segments: &[Segment],
     Life { root, bytes, from: widen(made).start, to: widen(last).end - 1 }
 }
 
-/// Roots that some kernel reads through 64 KiB uniform windows: keys and values of attention.
+/// Roots that some kernel reads through 64 KiB uniform windows: keys and values of attention, the field as
+/// trajectories read it.
 fn windowed_roots(graph: &Graph) -> Vec<bool> {
     let mut windowed = vec![false; graph.values.len()];
     for node in &graph.nodes {
         if let Op::Attention(a) = &node.op {
             windowed[graph.root(a.k).0 as usize] = true;
             windowed[graph.root(a.v).0 as usize] = true;
+        }
+        if let Op::Trajectory(_) = &node.op {
+            windowed[node.outputs[3].0 as usize] = true;
         }
     }
     windowed

@@ -5,8 +5,12 @@
 //! the same nodes. Fused fields (`act`, `gamma`, `residual`, `relu_input`) are filled by [`crate::fuse`]; layers record
 //! the parts separately.
 
+mod motion;
+
 use omnix_kernels::Activation;
 use smallvec::SmallVec;
+
+pub use motion::{Gate, Motion, Sampling, Trajectory};
 
 pub use omnix_kernels::copy::{Copy as StridedCopy, Strided};
 pub use omnix_kernels::pointwise::{Binary, Unary};
@@ -222,6 +226,8 @@ pub enum Op {
         x: Value,
         /// How many.
         k: usize,
+        /// Whether indices count over all rows (plus row · n).
+        flat: bool,
     },
     /// Order of views with the reference first, its inverse, and the reference's index (u32 each).
     ReferenceView {
@@ -230,6 +236,43 @@ pub enum Op {
         /// How to choose.
         strategy: Strategy,
     },
+    /// `z[t, r] = q[r] · (1 + alpha[r] · scale[t]) + kappa[r] · shift[t]`: every row once for every time.
+    TokenExpand {
+        /// `[m, d]`.
+        q: Value,
+        /// `[T, d]`, else 0.
+        scale: Option<Value>,
+        /// `[T, d]`.
+        shift: Value,
+        /// m numbers, else 1.
+        alpha: Option<Value>,
+        /// m numbers, else 1.
+        kappa: Option<Value>,
+    },
+    /// `field[s, t, index[s, i]] = z[t, s, i]`, `rest` elsewhere.
+    FieldScatter {
+        /// `[T, S, K, c]`.
+        z: Value,
+        /// u32 `[S, K]`, ascending.
+        index: Value,
+        /// `[c]`.
+        rest: Value,
+    },
+    /// Field and mask of an image at its pixels' sampling points.
+    DeformSample(Sampling),
+    /// Points moved by what `DeformSample` made, and their scores.
+    TrajApply {
+        /// `[n, 9 T + 1]`.
+        tau: Value,
+        /// `[n, 3]`.
+        points: Value,
+        /// u32; the first is the image's own time.
+        when: Value,
+        /// How points move.
+        motion: Motion,
+    },
+    /// The two above in one, for a range of times.
+    Trajectory(Trajectory),
 }
 
 impl Op {
@@ -252,6 +295,11 @@ impl Op {
             Self::Scatter { .. } => "scatter",
             Self::TopK { .. } => "top_k",
             Self::ReferenceView { .. } => "reference_view",
+            Self::TokenExpand { .. } => "token_expand",
+            Self::FieldScatter { .. } => "field_scatter",
+            Self::DeformSample(_) => "deform_sample",
+            Self::TrajApply { .. } => "traj_apply",
+            Self::Trajectory(_) => "trajectory",
         }
     }
 
@@ -297,11 +345,27 @@ impl Op {
             }
             Self::Copy { pieces } => pieces.iter_mut().for_each(|(v, _)| all(&mut [v])),
             Self::Binary { a, b, .. } => all(&mut [a, &mut b.value]),
-            Self::Unary { x, .. } | Self::SwiGlu { x } | Self::Softmax { x } | Self::Reduce { x, .. } | Self::TopK { x, .. } | Self::ReferenceView { x, .. } => {
+            Self::Unary { x, .. }
+            | Self::SwiGlu { x }
+            | Self::Softmax { x }
+            | Self::Reduce { x, .. }
+            | Self::TopK { x, .. }
+            | Self::ReferenceView { x, .. } => {
                 all(&mut [x]);
             }
             Self::Gather { x, index } => all(&mut [x, index]),
             Self::Scatter { base, x, index } => all(&mut [base, x, index]),
+            Self::TokenExpand { q, scale, shift, alpha, kappa } => {
+                all(&mut [q, shift]);
+                scale.iter_mut().chain(alpha).chain(kappa).for_each(|v| all(&mut [v]));
+            }
+            Self::FieldScatter { z, index, rest } => all(&mut [z, index, rest]),
+            Self::DeformSample(sampling) => sampling.map_inputs(map),
+            Self::TrajApply { tau, points, when, .. } => all(&mut [tau, points, when]),
+            Self::Trajectory(t) => {
+                all(&mut [&mut t.points, &mut t.when]);
+                t.sampling.map_inputs(map);
+            }
         }
     }
 }

@@ -102,7 +102,12 @@ impl Plan {
 }
 
 /// The fewest parts whose memory fits the budget and the device's largest buffer.
-fn fit(graph: &Graph, segments: &[Segment], options: &PlanOptions, max_buffer: u64) -> Result<(usize, MemoryPlan), GraphError> {
+fn fit(
+    graph: &Graph,
+    segments: &[Segment],
+    options: &PlanOptions,
+    max_buffer: u64,
+) -> Result<(usize, MemoryPlan), GraphError> {
     let mut parts = options.parts.max(1);
     let mut least = u64::MAX;
     loop {
@@ -181,7 +186,12 @@ pub fn node_flops(graph: &Graph, index: usize) -> u64 {
         Op::SplitHeads(_) | Op::SwiGlu { .. } => 4 * elements(out),
         Op::Reduce { x, .. } | Op::TopK { x, .. } | Op::ReferenceView { x, .. } => elements(*x),
         Op::Unary { .. } | Op::Binary { .. } => elements(out),
-        Op::Copy { .. } | Op::Gather { .. } | Op::Scatter { .. } => 0,
+        Op::TokenExpand { .. } => 4 * elements(out),
+        // Four cells of nine channels a point, weight and time; rotating and moving a point, about 90.
+        Op::DeformSample(s) => 8 * elements(s.weights) * graph.shape(out).width() as u64,
+        Op::TrajApply { .. } => 30 * elements(out),
+        Op::Trajectory(t) => 8 * elements(t.sampling.weights) * (9 * (t.times as u64 + 1) + 1) + 30 * elements(out),
+        Op::FieldScatter { .. } | Op::Copy { .. } | Op::Gather { .. } | Op::Scatter { .. } => 0,
     }
 }
 

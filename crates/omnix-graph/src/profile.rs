@@ -42,9 +42,14 @@ pub fn profile(executable: &Executable) -> Result<Vec<Span>, GraphError> {
     let mut spans = Vec::new();
     for pieces in executable.pieces().chunks(SPANS_PER_SET) {
         let count = pieces.len() as u32 * 2;
-        let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count });
+        let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: None,
+            ty: wgpu::QueryType::Timestamp,
+            count,
+        });
         let bytes = u64::from(count) * 8;
-        let resolved = gpu.buffer("timestamps", bytes, wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC)?;
+        let resolved =
+            gpu.buffer("timestamps", bytes, wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC)?;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (i, piece) in pieces.iter().enumerate() {
             let timestamp_writes = Some(wgpu::ComputePassTimestampWrites {

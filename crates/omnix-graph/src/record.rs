@@ -119,5 +119,8 @@ fn access(graph: &Graph, node: &Node, value: Value, chunk: Chunk<'_>) -> Access 
 
 /// An error for an operation whose kernel takes fewer rows, columns or elements than asked.
 pub(crate) fn too_large(kernel: &'static str, n: usize) -> KernelError {
-    KernelError::Unsupported { kernel, reason: format!("{n} elements exceed 32-bit indices; use fewer or smaller images") }
+    KernelError::Unsupported {
+        kernel,
+        reason: format!("{n} elements exceed 32-bit indices; use fewer or smaller images"),
+    }
 }

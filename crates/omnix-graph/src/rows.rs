@@ -67,9 +67,7 @@ pub fn row_wise(graph: &Graph, node: &Node) -> Option<RowWise> {
                 return None;
             }
         }
-        Op::SplitHeads(s) if s.groups > 1 => {
-            (s.groups * s.tokens, s.tokens, with(1, node.op.inputs().len() - 1))
-        }
+        Op::SplitHeads(s) if s.groups > 1 => (s.groups * s.tokens, s.tokens, with(1, node.op.inputs().len() - 1)),
         Op::SplitHeads(s) => {
             // Keys and values of one long sequence are read whole by every query, so only queries go in chunks.
             // A RoPE table that repeats every image makes the chunks whole images.

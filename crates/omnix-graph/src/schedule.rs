@@ -58,9 +58,11 @@ pub fn segments(graph: &Graph, align: u64) -> Vec<Segment> {
         // A chunk-shaped value that is still needed later ends the chain before it is made.
         let escapes = |end: usize| {
             (at..end).find(|i| {
-                graph.nodes[*i].outputs.iter().zip(&row_wise_nodes[*i - at].outputs).any(|(v, access)| {
-                    *access == Access::Interior && last_use[graph.root(*v).0 as usize] >= end
-                })
+                graph.nodes[*i]
+                    .outputs
+                    .iter()
+                    .zip(&row_wise_nodes[*i - at].outputs)
+                    .any(|(v, access)| *access == Access::Interior && last_use[graph.root(*v).0 as usize] >= end)
             })
         };
         while let Some(i) = escapes(end) {

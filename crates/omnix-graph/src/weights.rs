@@ -131,7 +131,8 @@ impl WeightStore {
             let mut offset = 0;
             for key in &rest[..count] {
                 let read = source.read(&key.parameter.name);
-                let numbers = read.map_err(|source| GraphError::Parameter { name: key.parameter.name.to_string(), source })?;
+                let numbers =
+                    read.map_err(|source| GraphError::Parameter { name: key.parameter.name.to_string(), source })?;
                 let packed = key.pack(&numbers);
                 gpu.queue.write_buffer(&buffer, offset, &packed);
                 store.slices.insert((*key).clone(), BufferSlice { buffer: buffer.clone(), offset, size: key.bytes() });

@@ -182,7 +182,9 @@ pub enum IoError {
         path: PathBuf,
     },
     /// A saved field of another version.
-    #[error("a saved field of version {found}, and this program reads version {known}: save it again with this program: {path}")]
+    #[error(
+        "a saved field of version {found}, and this program reads version {known}: save it again with this program: {path}"
+    )]
     FieldVersion {
         /// The version in the file.
         found: String,

@@ -36,22 +36,40 @@ pub fn enumerate() -> Vec<wgpu::Adapter> {
 /// Why `adapter` will not do, one line a reason; empty if it will.
 #[must_use]
 pub fn shortcomings(adapter: &wgpu::Adapter) -> Vec<String> {
-    let (have, need) = (adapter.limits(), wgpu::Limits::default());
-    let mut reasons = Vec::new();
+    let mut reasons = below(&adapter.limits());
     if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS) {
         reasons.push("has no compute shaders".to_owned());
     }
+    reasons
+}
+
+/// Which limits are below what every WebGPU device has, one line a limit.
+fn below(have: &wgpu::Limits) -> Vec<String> {
+    let need = wgpu::Limits::default();
+    let mut reasons = Vec::new();
     let mut at_least = |what: &str, have: u64, need: u64| {
         if have < need {
             reasons.push(format!("{what} is {have}, at least {need} is needed"));
         }
     };
-    at_least("the largest storage binding", u64::from(have.max_storage_buffer_binding_size), u64::from(need.max_storage_buffer_binding_size));
+    at_least("the largest storage binding", have.max_storage_buffer_binding_size, need.max_storage_buffer_binding_size);
     at_least("the largest buffer", have.max_buffer_size, need.max_buffer_size);
-    at_least("the number of storage buffers a stage", u64::from(have.max_storage_buffers_per_shader_stage), u64::from(need.max_storage_buffers_per_shader_stage));
-    at_least("the largest uniform binding", u64::from(have.max_uniform_buffer_binding_size), u64::from(need.max_uniform_buffer_binding_size));
-    at_least("workgroup memory", u64::from(have.max_compute_workgroup_storage_size), u64::from(need.max_compute_workgroup_storage_size));
-    at_least("the number of invocations a workgroup", u64::from(have.max_compute_invocations_per_workgroup), u64::from(need.max_compute_invocations_per_workgroup));
+    at_least(
+        "the number of storage buffers a stage",
+        u64::from(have.max_storage_buffers_per_shader_stage),
+        u64::from(need.max_storage_buffers_per_shader_stage),
+    );
+    at_least("the largest uniform binding", have.max_uniform_buffer_binding_size, need.max_uniform_buffer_binding_size);
+    at_least(
+        "workgroup memory",
+        u64::from(have.max_compute_workgroup_storage_size),
+        u64::from(need.max_compute_workgroup_storage_size),
+    );
+    at_least(
+        "the number of invocations a workgroup",
+        u64::from(have.max_compute_invocations_per_workgroup),
+        u64::from(need.max_compute_invocations_per_workgroup),
+    );
     reasons
 }
 
@@ -99,4 +117,23 @@ pub fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), Kern
     };
     pollster::block_on(adapter.request_device(&descriptor))
         .map_err(|e| KernelError::NoAdapter { reason: format!("{} cannot be opened: {e}", adapter.get_info().name) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::below;
+
+    #[test]
+    fn an_adapter_too_small_is_told_why() {
+        let enough = wgpu::Limits::default();
+        assert!(below(&enough).is_empty());
+        let small = wgpu::Limits {
+            max_storage_buffer_binding_size: 1 << 20,
+            max_storage_buffers_per_shader_stage: 4,
+            ..enough
+        };
+        let reasons = below(&small).join("; ");
+        assert!(reasons.contains("largest storage binding is 1048576, at least 134217728 is needed"), "{reasons}");
+        assert!(reasons.contains("storage buffers a stage is 4, at least 8 is needed"), "{reasons}");
+    }
 }

@@ -72,6 +72,28 @@ pub fn time(gpu: &Gpu, dispatches: &[Dispatch], args: &[BufferSlice], effort: Ef
     Ok(Timing { wall, cpu, first, repeats })
 }
 
+/// Time since it was started: by the wall, and by the processors as [`Timing::cpu`] has it.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock {
+    start: Instant,
+    cpu: Option<f64>,
+}
+
+impl Clock {
+    /// Starts now.
+    #[must_use]
+    pub fn start() -> Self {
+        Self { start: Instant::now(), cpu: cpu_seconds() }
+    }
+
+    /// Seconds by the wall, and of all threads of this process over the number of processors (Linux only).
+    #[must_use]
+    pub fn seconds(&self) -> (f64, Option<f64>) {
+        let cpu = self.cpu.zip(cpu_seconds()).map(|(before, after)| (after - before) / processors() as f64);
+        (self.start.elapsed().as_secs_f64(), cpu)
+    }
+}
+
 /// The middle one, or the lower of the two in the middle.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);

@@ -59,18 +59,22 @@ impl Caps {
     pub fn of(device: &wgpu::Device) -> Self {
         let (info, limits, features) = (device.adapter_info(), device.limits(), device.features());
         let cpu = info.device_type == wgpu::DeviceType::Cpu;
-        let lanes_are_8 = features.contains(wgpu::Features::SUBGROUP) && info.subgroup_min_size == 8 && info.subgroup_max_size == 8;
+        let lanes_are_8 =
+            features.contains(wgpu::Features::SUBGROUP) && info.subgroup_min_size == 8 && info.subgroup_max_size == 8;
         let tier = match (cpu, lanes_are_8) {
-            (true, true) if u64::from(limits.max_uniform_buffer_binding_size) >= UNIFORM_WINDOW => Tier::Software,
+            (true, true) if limits.max_uniform_buffer_binding_size >= UNIFORM_WINDOW => Tier::Software,
             (true, _) => Tier::Baseline,
             (false, _) => Tier::Gpu,
         };
         Self {
             tier,
-            max_binding: u64::from(limits.max_storage_buffer_binding_size) & !255,
+            max_binding: limits.max_storage_buffer_binding_size & !255,
             max_buffer: limits.max_buffer_size,
             // 256 is WebGPU's own; a device that asks for less gains nothing from it.
-            align: u64::from(limits.min_storage_buffer_offset_alignment.max(limits.min_uniform_buffer_offset_alignment)).max(256),
+            align: u64::from(
+                limits.min_storage_buffer_offset_alignment.max(limits.min_uniform_buffer_offset_alignment),
+            )
+            .max(256),
         }
     }
 

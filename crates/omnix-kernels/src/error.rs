@@ -5,7 +5,9 @@
 #[non_exhaustive]
 pub enum KernelError {
     /// No device to run on.
-    #[error("no usable device: {reason}; `omnix devices` lists what there is, and tools/setup installs Mesa's lavapipe, which needs no GPU")]
+    #[error(
+        "no usable device: {reason}; `omnix devices` lists what there is, and tools/setup installs Mesa's lavapipe, which needs no GPU"
+    )]
     NoAdapter {
         /// What was found instead.
         reason: String,
@@ -19,7 +21,9 @@ pub enum KernelError {
         reason: String,
     },
     /// One row is larger than the device lets a shader see, so splitting cannot help.
-    #[error("{kernel}: one row takes {bytes} bytes, but this device binds at most {limit}; use smaller images or another device")]
+    #[error(
+        "{kernel}: one row takes {bytes} bytes, but this device binds at most {limit}; use smaller images or another device"
+    )]
     RowTooLarge {
         /// Kernel name.
         kernel: &'static str,
@@ -49,7 +53,9 @@ pub enum KernelError {
         message: String,
     },
     /// The device is out of memory.
-    #[error("out of device memory while allocating {bytes} bytes for {what}; lower --memory-budget or use fewer or smaller images")]
+    #[error(
+        "out of device memory while allocating {bytes} bytes for {what}; lower --memory-budget or use fewer or smaller images"
+    )]
     OutOfMemory {
         /// What the buffer was for.
         what: String,

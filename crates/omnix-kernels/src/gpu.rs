@@ -144,8 +144,11 @@ impl Gpu {
             label: Some(&label),
             source: wgpu::ShaderSource::Wgsl(shader.wgsl.into()),
         });
-        let entries: Vec<_> = shader.bindings.iter().enumerate().map(|(i, b)| layout_entry(i, b.access, shader)).collect();
-        let layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(&label), entries: &entries });
+        let entries: Vec<_> =
+            shader.bindings.iter().enumerate().map(|(i, b)| layout_entry(i, b.access, shader)).collect();
+        let layout = self
+            .device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(&label), entries: &entries });
         let pipeline_layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(&label),
             bind_group_layouts: &[Some(&layout)],

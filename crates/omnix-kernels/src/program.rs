@@ -41,6 +41,11 @@ struct Step {
     groups: [u32; 3],
 }
 
+/// lavapipe maps memory for every bind group and crashes when the system gives no more maps: Linux allows 65,530 a process.
+const MAX_ON_CPU: usize = 50_000;
+/// Bytes of such a map.
+const CPU_MAP: u64 = 4096;
+
 /// Distance of two parameter blocks: WebGPU's uniform offset alignment.
 const PARAMS_STRIDE: u64 = 256;
 
@@ -54,6 +59,10 @@ impl Program {
         dispatches: impl IntoIterator<Item = (&'a Dispatch, &'a [BufferSlice])>,
     ) -> Result<Self, KernelError> {
         let dispatches: Vec<_> = dispatches.into_iter().collect();
+        if dispatches.len() > MAX_ON_CPU && gpu.device.adapter_info().device_type == wgpu::DeviceType::Cpu {
+            let what = format!("bind groups of {} dispatches", dispatches.len());
+            return Err(KernelError::OutOfMemory { what, bytes: dispatches.len() as u64 * CPU_MAP });
+        }
         let bytes = dispatches.len().max(1) as u64 * PARAMS_STRIDE;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let params = gpu.buffer("parameters", bytes, usage)?;
@@ -93,7 +102,13 @@ impl Program {
     }
 }
 
-fn bind(gpu: &Gpu, pipeline: &Pipeline, dispatch: &Dispatch, args: &[BufferSlice], params: &wgpu::Buffer) -> wgpu::BindGroup {
+fn bind(
+    gpu: &Gpu,
+    pipeline: &Pipeline,
+    dispatch: &Dispatch,
+    args: &[BufferSlice],
+    params: &wgpu::Buffer,
+) -> wgpu::BindGroup {
     let mut entries = vec![wgpu::BindGroupEntry {
         binding: 0,
         resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -114,7 +129,11 @@ fn bind(gpu: &Gpu, pipeline: &Pipeline, dispatch: &Dispatch, args: &[BufferSlice
         let size = if uniform { UNIFORM_WINDOW } else { size };
         entries.push(wgpu::BindGroupEntry {
             binding: i as u32 + 1,
-            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset, size: wgpu::BufferSize::new(size) }),
+            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer,
+                offset,
+                size: wgpu::BufferSize::new(size),
+            }),
         });
     }
     gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -1,4 +1,5 @@
-//! The k largest of each row of n numbers: their indices, ascending, and a mask of 1 and 0.
+//! The k largest of each row of n numbers: their indices (within the row, or flat: plus row · n), ascending, and a mask
+//! of 1 and 0.
 //!
 //! Ties: the lower index wins; −0 equals 0; NaN counts as lowest, below −∞. Exact and deterministic: the k-th
 //! largest is found by counting over the bits of order-preserving integers (32 readings of a row by one workgroup).
@@ -25,6 +26,8 @@ pub struct TopK {
     pub n: u32,
     /// How many are chosen, 1..=n.
     pub k: u32,
+    /// Indices are plus row · n, so that rows of a `[rows · n, ..]` matrix can be gathered.
+    pub flat: bool,
 }
 
 /// `Params` of `shaders/top_k`.
@@ -37,11 +40,11 @@ pub struct TopKParams {
     x_rest: u32,
     i_rest: u32,
     m_rest: u32,
-    pad0: u32,
-    pad1: u32,
+    flat: u32,
+    row0: u32,
 }
 
-crate::layout::layout!(TopKParams { rows, n, k, x_rest, i_rest, m_rest, pad0, pad1 });
+crate::layout::layout!(TopKParams { rows, n, k, x_rest, i_rest, m_rest, flat, row0 });
 
 impl TopK {
     /// Bytes read and written: the 34 readings of x, and the results.
@@ -55,13 +58,17 @@ impl TopK {
     /// # Errors
     /// When k is 0 or above n, there are no rows, or a row is larger than the device's binding limit.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
-        let Self { rows, n, k } = *self;
+        let Self { rows, n, k, flat } = *self;
         if rows == 0 || k == 0 || k > n {
             let reason =
                 format!("the {k} largest of {rows} rows of {n}; 1 to {n} can be chosen of each of 1 or more rows");
             return Err(KernelError::Unsupported { kernel: "top_k", reason });
         }
         let (all, n, k) = (u64::from(rows), u64::from(n), u64::from(k));
+        if flat && all * n > u64::from(u32::MAX) {
+            let reason = format!("flat indices of {all} rows of {n} exceed 32 bits; use fewer rows");
+            return Err(KernelError::Unsupported { kernel: "top_k", reason });
+        }
         let fit = room(caps) / n;
         if fit == 0 {
             return Err(KernelError::RowTooLarge { kernel: "top_k", bytes: n * 4, limit: caps.max_binding });
@@ -71,8 +78,8 @@ impl TopK {
             let (x, x_rest) = cover(X, row * n, rows * n, caps);
             let (index, i_rest) = cover(INDEX, row * k, rows * k, caps);
             let (mask, m_rest) = cover(MASK, row * n, rows * n, caps);
-            let params =
-                TopKParams { rows: rows as u32, n: self.n, k: self.k, x_rest, i_rest, m_rest, pad0: 0, pad1: 0 };
+            let (flat, row0) = (u32::from(flat), row as u32);
+            let params = TopKParams { rows: rows as u32, n: self.n, k: self.k, x_rest, i_rest, m_rest, flat, row0 };
             Dispatch::new(&shaders::BASELINE, &params, &[x, index, mask], rows)
         };
         Ok((0..all).step_by(fit as usize).map(dispatch).collect())

@@ -23,6 +23,7 @@
 //! # }
 //! ```
 
+pub mod bench;
 mod engine;
 mod error;
 mod plan;
@@ -39,13 +40,13 @@ pub use omnix_model::backbone::ReferenceChoice;
 pub use plan::{PlanSummary, RunPlan};
 pub use progress::{Phase, Progress, quiet};
 pub use request::Request;
-pub use session::{FrameGeometry, Session};
+pub use session::{FrameGeometry, ResidentGeometry, Session};
 pub use weights::Weights;
 
-/// File inputs and outputs: frames of videos and folders, preprocessing, export formats.
-pub use omnix_io as io;
 pub use omnix_geometry as geometry;
 pub use omnix_graph as graph;
+/// File inputs and outputs: frames of videos and folders, preprocessing, export formats.
+pub use omnix_io as io;
 pub use omnix_kernels as kernels;
 pub use omnix_model as model;
 pub use omnix_weights as checkpoint;

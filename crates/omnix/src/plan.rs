@@ -68,7 +68,8 @@ impl RunPlan {
         network.backbone(&mut graph, &backbone_spec(weights, request))?;
         let options = PlanOptions { storage: request.storage, parts: request.parts, ..PlanOptions::default() };
         let free = Plan::new(&graph, caps, &PlanOptions { budget: Some(u64::MAX), ..options });
-        let mut head_images = request.head_images.unwrap_or(if caps.tier == Tier::Gpu { 4 } else { 1 }).clamp(1, request.images);
+        let mut head_images =
+            request.head_images.unwrap_or(if caps.tier == Tier::Gpu { 4 } else { 1 }).clamp(1, request.images);
         let mut head = plan_head(weights, request, caps, head_images)?;
         let plan = match (free, request.budget) {
             (Ok(plan), None) => plan,
@@ -90,7 +91,9 @@ impl RunPlan {
                 match Plan::new(&graph, caps, &PlanOptions { budget: Some(room), ..options }) {
                     Ok(plan) if least_head <= budget => plan,
                     Ok(_) => return Err(too_small(budget, least_head)),
-                    Err(GraphError::Budget { least, .. }) => return Err(too_small(budget, (fixed + least).max(least_head))),
+                    Err(GraphError::Budget { least, .. }) => {
+                        return Err(too_small(budget, (fixed + least).max(least_head)));
+                    }
                     Err(error) => return Err(error.into()),
                 }
             }
@@ -147,7 +150,11 @@ impl RunPlan {
 }
 
 fn too_small(budget: u64, least: u64) -> OmnixError {
-    OmnixError::Budget { budget, least, hint: "fewer images with --frames, smaller ones with --process-res, or --weights-type f16" }
+    OmnixError::Budget {
+        budget,
+        least,
+        hint: "fewer images with --frames, smaller ones with --process-res or --size, or --weights-type f16",
+    }
 }
 
 /// Working memory of the head and the staging its results are read through.

@@ -70,9 +70,15 @@ impl Request {
         if self.images == 0 {
             return wrong("there are no images".to_owned());
         }
-        if self.height < PATCH || self.width < PATCH || !self.height.is_multiple_of(PATCH) || !self.width.is_multiple_of(PATCH) {
+        if self.height < PATCH
+            || self.width < PATCH
+            || !self.height.is_multiple_of(PATCH)
+            || !self.width.is_multiple_of(PATCH)
+        {
             let (h, w) = (self.height, self.width);
-            return wrong(format!("images of {w}x{h} pixels: both sides must be multiples of {PATCH}; use the preprocessing of omnix::io"));
+            return wrong(format!(
+                "images of {w}x{h} pixels: both sides must be multiples of {PATCH}; use the preprocessing of omnix::io"
+            ));
         }
         if self.times.len() != self.images {
             return wrong(format!("{} times for {} images", self.times.len(), self.images));

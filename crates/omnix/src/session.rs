@@ -28,6 +28,26 @@ pub struct FrameGeometry {
     pub rays: Option<(Vec<f32>, Vec<f32>)>,
 }
 
+/// What was found out about one image, on the device: f32, row-major, storage buffers that can also be copied from.
+///
+/// An image that is not the first of its chunk begins where its numbers do, which need not be a multiple of the binding
+/// alignment: bind the whole buffer and pass the offset, or plan with `head_images: Some(1)`, where offsets are 0.
+#[derive(Clone, Debug)]
+pub struct ResidentGeometry {
+    /// Index of the image.
+    pub index: usize,
+    /// Depth `[height, width]` before [`ResidentGeometry::depth_scale`].
+    pub depth: BufferSlice,
+    /// Confidence `[height, width]`.
+    pub confidence: BufferSlice,
+    /// World-to-camera pose and intrinsics in pixels of the processed image.
+    pub camera: Camera,
+    /// What depth is multiplied by: 1 unless cameras were given.
+    pub depth_scale: f32,
+    /// Rays and their confidence as in [`FrameGeometry::rays`], if asked for.
+    pub rays: Option<(BufferSlice, BufferSlice)>,
+}
+
 /// A planned run with its memory on the device.
 #[derive(Debug)]
 pub struct Session {
@@ -35,7 +55,12 @@ pub struct Session {
     plan: RunPlan,
     store: WeightStore,
     backbone: Option<Executable>,
+    /// Bytes of images written since the last submission.
+    unflushed: u64,
 }
+
+/// Images are submitted in pieces of about this size.
+const FLUSH: u64 = 4 << 20;
 
 /// The listener of long work.
 pub(crate) type Listener<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
@@ -50,7 +75,7 @@ impl Session {
         let mut report = |done, total| progress(Progress { phase: Phase::Weights, done, total });
         let store = WeightStore::load(engine.gpu(), weights, &keys, &mut report)?;
         let backbone = Executable::new(engine.gpu(), plan.backbone.clone(), &store, &Bindings::default())?;
-        Ok(Self { engine: engine.clone(), plan, store, backbone: Some(backbone) })
+        Ok(Self { engine: engine.clone(), plan, store, backbone: Some(backbone), unflushed: 0 })
     }
 
     /// The plan.
@@ -75,10 +100,22 @@ impl Session {
     pub fn set_image(&mut self, index: usize, pixels: &[f32]) -> Result<(), OmnixError> {
         let size = 3 * self.plan.request.height * self.plan.request.width;
         if index >= self.plan.request.images || pixels.len() != size {
-            let reason = format!("image {index} with {} numbers; the plan has {} images of {size}", pixels.len(), self.plan.request.images);
+            let reason = format!(
+                "image {index} with {} numbers; the plan has {} images of {size}",
+                pixels.len(),
+                self.plan.request.images
+            );
             return Err(OmnixError::Request { reason });
         }
-        Ok(self.backbone()?.write_at("images", index * size, pixels)?)
+        self.backbone()?.write_at("images", index * size, pixels)?;
+        // What is written waits in staging memory for the next submission: thousands of images must not pile up there.
+        self.unflushed += size as u64 * 4;
+        if self.unflushed >= FLUSH {
+            self.unflushed = 0;
+            self.engine.gpu().queue.submit([]);
+            self.engine.gpu().wait()?;
+        }
+        Ok(())
     }
 
     /// Runs the network and hands each image's results to `each`, in order, as soon as they exist.
@@ -90,6 +127,30 @@ impl Session {
         progress: Listener<'_>,
         each: &mut dyn FnMut(FrameGeometry) -> Result<(), OmnixError>,
     ) -> Result<(), OmnixError> {
+        let gpu = self.engine.gpu().clone();
+        self.run_resident(progress, &mut |frame| {
+            let read = |slice: &BufferSlice| omnix_kernels::run::read::<f32>(&gpu, slice);
+            let rays = frame.rays.as_ref().map(|(ray, conf)| Ok::<_, OmnixError>((read(ray)?, read(conf)?)));
+            each(FrameGeometry {
+                index: frame.index,
+                depth: read(&frame.depth)?.into_iter().map(|d| d * frame.depth_scale).collect(),
+                confidence: read(&frame.confidence)?,
+                camera: frame.camera,
+                rays: rays.transpose()?,
+            })
+        })
+    }
+
+    /// As [`Session::run`], with results that stay on the device: nothing is read back but the cameras, a few numbers. What
+    /// the host submits to the engine's queue inside `each` sees this image's results; the next images overwrite them.
+    ///
+    /// # Errors
+    /// As [`Session::run`].
+    pub fn run_resident(
+        &mut self,
+        progress: Listener<'_>,
+        each: &mut dyn FnMut(ResidentGeometry) -> Result<(), OmnixError>,
+    ) -> Result<(), OmnixError> {
         let (features, cameras, depth_scale) = self.run_backbone(progress)?;
         let (images, step) = (self.plan.request.images, self.plan.head_images);
         let head = Executable::new(self.engine.gpu(), self.plan.head.clone(), &self.store, &Bindings::default())?;
@@ -99,17 +160,20 @@ impl Session {
             self.fill_head(&head, &features, first, count)?;
             let before = head.plan().flops() * (first / step) as u64;
             head.run(&mut |done, _| progress(Progress { phase: Phase::Head, done: before + done, total }))?;
-            let depth = head.read("depth")?;
-            let confidence = head.read("depth_conf")?;
-            let rays = if self.plan.request.rays { Some((head.read("ray")?, head.read("ray_conf")?)) } else { None };
+            let part = |name: &str, i: usize| {
+                let all = head.slice(name)?;
+                let size = all.size / step as u64;
+                Ok::<_, OmnixError>(BufferSlice { offset: all.offset + i as u64 * size, size, buffer: all.buffer })
+            };
             for i in 0..count {
-                let part = |all: &[f32]| all[all.len() / step * i..all.len() / step * (i + 1)].to_vec();
-                each(FrameGeometry {
+                let rays = if self.plan.request.rays { Some((part("ray", i)?, part("ray_conf", i)?)) } else { None };
+                each(ResidentGeometry {
                     index: first + i,
-                    depth: part(&depth).into_iter().map(|d| d * depth_scale).collect(),
-                    confidence: part(&confidence),
+                    depth: part("depth", i)?,
+                    confidence: part("depth_conf", i)?,
                     camera: cameras[first + i],
-                    rays: rays.as_ref().map(|(ray, conf)| (part(ray), part(conf))),
+                    depth_scale,
+                    rays,
                 })?;
             }
         }
@@ -130,7 +194,8 @@ impl Session {
         let backbone = self.backbone()?;
         backbone.run(&mut |done, total| progress(Progress { phase: Phase::Backbone, done, total }))?;
         let codes = backbone.read("cam.pose_enc")?;
-        let predicted = codes.chunks_exact(9).map(|code| decode_pose_code(std::array::from_fn(|i| code[i]), height, width));
+        let predicted =
+            codes.chunks_exact(9).map(|code| decode_pose_code(std::array::from_fn(|i| code[i]), height, width));
         let mut cameras: Vec<Camera> = predicted.collect();
         let features = (0..4).map(|k| backbone.slice(&format!("feat.{k}"))).collect::<Result<Vec<_>, _>>()?;
         // The arena goes back; the features' own buffers live on in the slices.
@@ -148,7 +213,13 @@ impl Session {
     }
 
     /// Copies the features of images `first..first + count` into the head's inputs.
-    fn fill_head(&self, head: &Executable, features: &[BufferSlice], first: usize, count: usize) -> Result<(), OmnixError> {
+    fn fill_head(
+        &self,
+        head: &Executable,
+        features: &[BufferSlice],
+        first: usize,
+        count: usize,
+    ) -> Result<(), OmnixError> {
         let gpu = self.engine.gpu();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (k, feature) in features.iter().enumerate() {

@@ -63,7 +63,8 @@ impl Weights {
         if let Some(prefix) = config.key_prefix() {
             checkpoint.set_key_prefix(prefix);
         }
-        let report = omnix_weights::check(&checkpoint, &omnix_model::manifest(&config, &Parts::default())).into_result()?;
+        let report =
+            omnix_weights::check(&checkpoint, &omnix_model::manifest(&config, &Parts::default())).into_result()?;
         Ok(Self { checkpoint, network: Network::new(config), report, note: None })
     }
 

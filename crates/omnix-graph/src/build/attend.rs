@@ -55,7 +55,14 @@ impl Graph {
         self.split_heads(x, offset, &Heads { norm: None, rope: None, ..*heads }, 1.0, HeadLayout::Rows)
     }
 
-    fn split_heads(&mut self, x: Value, offset: usize, spec: &Heads, scale: f32, layout: HeadLayout) -> Result<Value, GraphError> {
+    fn split_heads(
+        &mut self,
+        x: Value,
+        offset: usize,
+        spec: &Heads,
+        scale: f32,
+        layout: HeadLayout,
+    ) -> Result<Value, GraphError> {
         let Heads { groups, heads, head_dim, norm, rope } = *spec;
         let (rows, width) = (self.shape(x).rows(), self.shape(x).width());
         if !rows.is_multiple_of(groups) || offset + heads * head_dim > width {

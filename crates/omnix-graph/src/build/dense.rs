@@ -51,7 +51,13 @@ impl Graph {
     ///
     /// # Errors
     /// When a shape does not fit.
-    pub fn layer_norm(&mut self, x: Value, weight: Option<Value>, bias: Option<Value>, eps: f32) -> Result<Value, GraphError> {
+    pub fn layer_norm(
+        &mut self,
+        x: Value,
+        weight: Option<Value>,
+        bias: Option<Value>,
+        eps: f32,
+    ) -> Result<Value, GraphError> {
         let c = self.shape(x).width();
         for value in weight.into_iter().chain(bias) {
             self.expect("layer_norm", value, &[c])?;

@@ -11,7 +11,14 @@ impl Graph {
     ///
     /// # Errors
     /// When a shape does not fit.
-    pub fn conv2d(&mut self, x: Value, w: Value, bias: Option<Value>, stride: usize, padding: usize) -> Result<Value, GraphError> {
+    pub fn conv2d(
+        &mut self,
+        x: Value,
+        w: Value,
+        bias: Option<Value>,
+        stride: usize,
+        padding: usize,
+    ) -> Result<Value, GraphError> {
         let [frames, h, width, channels] = self.map_dims("conv2d", x)?;
         let (out, rows, columns) = match **self.shape(w) {
             [out, depth, rows, columns] if depth == channels => (out, rows, columns),
@@ -53,7 +60,14 @@ impl Graph {
     ///
     /// # Errors
     /// When `x` is no map.
-    pub fn resize(&mut self, x: Value, rows: usize, columns: usize, filter: Filter, corners: Corners) -> Result<Value, GraphError> {
+    pub fn resize(
+        &mut self,
+        x: Value,
+        rows: usize,
+        columns: usize,
+        filter: Filter,
+        corners: Corners,
+    ) -> Result<Value, GraphError> {
         let [frames, _, _, channels] = self.map_dims("resize", x)?;
         Ok(self.push_one(Op::Resize { x, filter, corners, add: None }, [frames, rows, columns, channels]))
     }

@@ -34,11 +34,24 @@ impl Graph {
     /// # Errors
     /// When `x` is no matrix or narrower than `k`.
     pub fn top_k(&mut self, x: Value, k: usize) -> Result<(Value, Value), GraphError> {
+        self.top_k_indices(x, k, false)
+    }
+
+    /// As [`Graph::top_k`] with indices that count over all rows: row r of `x` starts at r · n, so that they can gather rows of
+    /// a `[rows · n, ..]` matrix.
+    ///
+    /// # Errors
+    /// As [`Graph::top_k`].
+    pub fn top_k_flat(&mut self, x: Value, k: usize) -> Result<(Value, Value), GraphError> {
+        self.top_k_indices(x, k, true)
+    }
+
+    fn top_k_indices(&mut self, x: Value, k: usize, flat: bool) -> Result<(Value, Value), GraphError> {
         let [rows, n] = **self.shape(x) else { return Err(self.misfit("top_k", x, "[rows, n]")) };
         if k == 0 || k > n {
             return Err(self.misfit("top_k", x, format!("at least {k} columns")));
         }
-        let outputs = self.push(Op::TopK { x, k }, [Shape::from([rows, k]), Shape::from([rows, n])]);
+        let outputs = self.push(Op::TopK { x, k, flat }, [Shape::from([rows, k]), Shape::from([rows, n])]);
         Ok((outputs[0], outputs[1]))
     }
 

@@ -97,7 +97,8 @@ impl Graph {
         dims[axis] = 0;
         for part in parts {
             let shape = self.shape(*part);
-            let fits = shape.len() == dims.len() && shape.iter().zip(&dims).enumerate().all(|(i, (a, b))| i == axis || a == b);
+            let fits =
+                shape.len() == dims.len() && shape.iter().zip(&dims).enumerate().all(|(i, (a, b))| i == axis || a == b);
             if !fits {
                 return Err(self.misfit("concat", *part, format!("{dims:?} but for axis {axis}")));
             }
@@ -128,7 +129,8 @@ impl Graph {
         let mut copies = Vec::with_capacity(pieces.len());
         for Piece { value, dims, start, strides: from, at } in pieces {
             let axes = [dims.len(), from.len(), at.len()];
-            let inside = axes == [shape.len(); 3] && dims.iter().zip(at).zip(&*shape).all(|((n, a), all)| a + n <= *all);
+            let inside =
+                axes == [shape.len(); 3] && dims.iter().zip(at).zip(&*shape).all(|((n, a), all)| a + n <= *all);
             if !inside {
                 return Err(self.misfit("assemble", *value, format!("a block {dims:?} at {at:?} of {shape}")));
             }

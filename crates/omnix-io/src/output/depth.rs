@@ -111,7 +111,12 @@ fn quantise(depth: f32, scale: f32) -> u16 {
 }
 
 /// A whole PNG file in memory; `bytes` in the machine's byte order.
-pub(super) fn encode(path: &Path, bytes: &[u8], (w, h): (u32, u32), colour: ExtendedColorType) -> Result<Vec<u8>, IoError> {
+pub(super) fn encode(
+    path: &Path,
+    bytes: &[u8],
+    (w, h): (u32, u32),
+    colour: ExtendedColorType,
+) -> Result<Vec<u8>, IoError> {
     let mut png = Vec::new();
     PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive)
         .write_image(bytes, w, h, colour)

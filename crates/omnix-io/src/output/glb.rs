@@ -152,8 +152,7 @@ fn camera_lines(views: &[View], distance: f64, place: impl Fn(DVec3) -> DVec3) -
 /// Ends of eight segments in camera axes (OpenCV): the centre to the picture's corner pixels at a distance, and their rectangle.
 pub(super) fn frustum(camera: Camera, (width, height): (u32, u32), distance: f64) -> [DVec3; 16] {
     let (right, bottom) = (f64::from(width) - 1.0, f64::from(height) - 1.0);
-    let corners =
-        [(0.0, 0.0), (right, 0.0), (right, bottom), (0.0, bottom)].map(|(u, v)| camera.ray(u, v) * distance);
+    let corners = [(0.0, 0.0), (right, 0.0), (right, bottom), (0.0, bottom)].map(|(u, v)| camera.ray(u, v) * distance);
     std::array::from_fn(|i| match i % 4 {
         0 => DVec3::ZERO,
         3 => corners[(i / 4 + 1) % 4],

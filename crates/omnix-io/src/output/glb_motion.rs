@@ -128,8 +128,7 @@ fn choose(points: &MovingPoints, keys: &[usize], max: usize) -> (Vec<usize>, Vec
     let most = MAX_BYTES / (POINT_BYTES + TARGET_BYTES * (keys.len() - 1));
     let max = max.min(most);
     let finite = |i: &usize| keys.iter().all(|&t| points.position(t, *i).iter().all(|v| v.is_finite()));
-    let (moving, still): (Vec<usize>, Vec<usize>) =
-        (0..points.len()).filter(finite).partition(|&i| points.moving[i]);
+    let (moving, still): (Vec<usize>, Vec<usize>) = (0..points.len()).filter(finite).partition(|&i| points.moving[i]);
     let moving = midpoints(&moving, max);
     let still = midpoints(&still, max - moving.len());
     (moving, still)

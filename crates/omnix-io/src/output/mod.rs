@@ -13,6 +13,7 @@ pub mod field;
 mod glb;
 mod glb_motion;
 mod gltf;
+pub mod html;
 pub mod manifest;
 mod masks;
 pub mod motion;
@@ -67,9 +68,11 @@ pub enum Export {
     Omx4d,
     /// `masks/NNNNNN.png` and `theta/NNNNNN.png`: which pixels move, and how surely.
     Masks,
+    /// `scene.html`: a viewer of moving points in one file.
+    Html,
 }
 
-const EXPORTS: [Export; 10] = [
+const EXPORTS: [Export; 11] = [
     Export::Npz,
     Export::MiniNpz,
     Export::Depth,
@@ -80,6 +83,7 @@ const EXPORTS: [Export; 10] = [
     Export::St4rtrack,
     Export::Omx4d,
     Export::Masks,
+    Export::Html,
 ];
 
 impl Export {
@@ -97,6 +101,7 @@ impl Export {
             Self::St4rtrack => "st4rtrack",
             Self::Omx4d => "omx4d",
             Self::Masks => "masks",
+            Self::Html => "html",
         }
     }
 
@@ -129,7 +134,7 @@ impl FromStr for Export {
         EXPORTS.into_iter().find(|e| e.name() == name).ok_or_else(|| IoError::UnknownName {
             what: "export",
             name: name.to_owned(),
-            known: "npz, mini_npz, depth, ply, glb, tum, tracks, st4rtrack, omx4d, masks",
+            known: "npz, mini_npz, depth, ply, glb, tum, tracks, st4rtrack, omx4d, masks, html",
         })
     }
 }
@@ -270,7 +275,7 @@ pub fn open_sinks(exports: &[Export], dir: &Path, options: &SinkOptions) -> Resu
             Export::Ply => Box::new(ply::PlySink::new(dir, options)?),
             Export::Glb => Box::new(glb::GlbSink::new(dir, options)),
             Export::Tum => Box::new(tum::TumSink::new(dir)),
-            Export::Tracks | Export::St4rtrack | Export::Omx4d | Export::Masks => continue,
+            Export::Tracks | Export::St4rtrack | Export::Omx4d | Export::Masks | Export::Html => continue,
         });
     }
     Ok(sinks)

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use super::{
     Export,
     glb_motion::{GlbMotionOptions, write_glb_motion},
+    html::{HtmlOptions, write_html},
     masks,
     motion::{MotionView, MovingPoints, SourceMotion, check_views},
     omx4d::{Omx4dOptions, write_omx4d},
@@ -36,11 +37,19 @@ pub struct MotionOptions {
     pub glb: GlbMotionOptions,
     /// `omx4d`.
     pub omx4d: Omx4dOptions,
+    /// `html`.
+    pub html: HtmlOptions,
 }
 
 impl Default for MotionOptions {
     fn default() -> Self {
-        Self { name: "scene".into(), fps: 12.0, glb: GlbMotionOptions::default(), omx4d: Omx4dOptions::default() }
+        Self {
+            name: "scene".into(),
+            fps: 12.0,
+            glb: GlbMotionOptions::default(),
+            omx4d: Omx4dOptions::default(),
+            html: HtmlOptions::default(),
+        }
     }
 }
 
@@ -56,14 +65,14 @@ impl Export {
     #[must_use]
     pub fn motion_input(self) -> Option<MotionInput> {
         match self {
-            Self::Glb | Self::Tracks | Self::Omx4d => Some(MotionInput::Points),
+            Self::Glb | Self::Tracks | Self::Omx4d | Self::Html => Some(MotionInput::Points),
             Self::St4rtrack | Self::Masks => Some(MotionInput::Images),
             _ => None,
         }
     }
 }
 
-/// Writes those of `exports` that are made of chosen points (`tracks`, `omx4d`, `glb`) into `dir` and returns the files' paths. Others are
+/// Writes those of `exports` that are made of chosen points (`tracks`, `omx4d`, `glb`, `html`) into `dir` and returns the files' paths. Others are
 /// passed over.
 ///
 /// # Errors
@@ -88,6 +97,7 @@ pub fn write_motion(
             Export::Glb => {
                 written.extend(write_glb_motion(&dir.join("scene.glb"), options.fps, points, &options.glb)?);
             }
+            Export::Html => written.push(write_html(points, &options.html, &dir.join("scene.html"))?),
             _ => {}
         }
     }

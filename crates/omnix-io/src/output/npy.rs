@@ -46,8 +46,7 @@ pub(super) fn header(dtype: &str, shape: &[usize]) -> Vec<u8> {
     let sizes: Vec<String> = shape.iter().map(ToString::to_string).collect();
     // A tuple of one needs its comma.
     let comma = if shape.len() == 1 { "," } else { "" };
-    let mut text =
-        format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({}{comma}), }}", sizes.join(", "));
+    let mut text = format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({}{comma}), }}", sizes.join(", "));
     let unpadded = 10 + text.len() + 1;
     text.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(64) - unpadded));
     text.push('\n');
@@ -73,8 +72,7 @@ pub(super) fn write_npz(path: PathBuf, arrays: &[Array]) -> Result<PathBuf, IoEr
     for array in arrays {
         let stored = array.bytes.len() > STORED_ABOVE;
         let method = if stored { CompressionMethod::Stored } else { CompressionMethod::Deflated };
-        let options =
-            SimpleFileOptions::default().compression_method(method).large_file(array.bytes.len() > 1 << 30);
+        let options = SimpleFileOptions::default().compression_method(method).large_file(array.bytes.len() > 1 << 30);
         zip.start_file(format!("{}.npy", array.name), options).map_err(fail)?;
         for part in [&header(array.dtype, &array.shape), &array.bytes] {
             zip.write_all(part).map_err(|e| IoError::write(&path, e))?;

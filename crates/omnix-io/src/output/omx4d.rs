@@ -111,21 +111,14 @@ fn choose(points: &MovingPoints, candidate_views: usize, options: &VoxelOptions)
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by_key(|&i| id(points, i));
     let finite = |i: usize| (0..points.views.len()).all(|t| points.position(t, i).iter().all(|v| v.is_finite()));
-    let valid: Vec<bool> =
-        order.iter().map(|&i| (points.source[i] as usize) < candidate_views && finite(i)).collect();
+    let valid: Vec<bool> = order.iter().map(|&i| (points.source[i] as usize) < candidate_views && finite(i)).collect();
     let scores: Vec<f32> = order.iter().map(|&i| points.motion[i]).collect();
     let first: Vec<f32> = order.iter().flat_map(|&i| points.position(0, i)).collect();
     let choice = choose_voxel(&scores, &first, &valid, options);
     (order, choice)
 }
 
-fn sampling(
-    choice: &VoxelChoice,
-    options: &VoxelOptions,
-    candidates: usize,
-    views: usize,
-    identity: &str,
-) -> String {
+fn sampling(choice: &VoxelChoice, options: &VoxelOptions, candidates: usize, views: usize, identity: &str) -> String {
     let selected = choice.chosen.len();
     let cutoff = choice.cutoff.map_or_else(|| "null".to_owned(), |c| python_float(f64::from(c)));
     format!(
@@ -167,14 +160,18 @@ fn sections(
         }
     }
     let scores: Vec<f32> = chosen.iter().map(|&i| points.motion[i].clamp(0.0, 1.0)).collect();
-    let colours = chosen.iter().zip(&scores).flat_map(|(&i, &score)| {
-        if options.palette { palette(points.source[i], score) } else { points.colours[i] }
-    });
+    let colours = chosen
+        .iter()
+        .zip(&scores)
+        .flat_map(|(&i, &score)| if options.palette { palette(points.source[i], score) } else { points.colours[i] });
     let mut sources = Vec::with_capacity(2 * n);
     for &i in chosen {
         let reason = "the format counts images in 16 bits";
-        let source = u16::try_from(points.source[i])
-            .map_err(|_too_large| IoError::BadPoint { export: Export::Omx4d.name(), point: i, reason })?;
+        let source = u16::try_from(points.source[i]).map_err(|_too_large| IoError::BadPoint {
+            export: Export::Omx4d.name(),
+            point: i,
+            reason,
+        })?;
         sources.extend(source.to_le_bytes());
     }
     let poses = poses(points, options)?;
@@ -303,16 +300,44 @@ fn header_with(fields: &Fields<'_>, sections: &[Section], offsets: &[usize]) -> 
     )
 }
 
-/// A finite number as Python's `repr` writes it: the shortest digits, an exponent of at least two digits below 1e-4 and from 1e16 on.
+/// A finite number as Python's `repr` writes it: the shortest digits that give it back, of two equally near ones the even, an exponent
+/// of at least two digits below 1e-4 and from 1e16 on.
 fn python_float(value: f64) -> String {
-    let scientific = format!("{value:e}");
-    let Some((digits, exponent)) = scientific.split_once('e') else { return scientific };
-    match exponent.parse::<i32>() {
-        Ok(e) if value != 0.0 && !(-4..16).contains(&e) => {
-            format!("{digits}e{}{:02}", if e < 0 { '-' } else { '+' }, e.abs())
-        }
-        _ => format!("{value:?}"),
+    let shortest = format!("{value:e}");
+    let Some((mantissa, exponent)) = shortest.split_once('e') else { return shortest };
+    let Ok(exponent) = exponent.parse::<i32>() else { return shortest };
+    let sign = if mantissa.starts_with('-') { "-" } else { "" };
+    let mut digits = plain_digits(mantissa);
+    // No f64 has more digits than these. Rust rounds ties up.
+    let exact = plain_digits(format!("{value:.800e}").split('e').next().unwrap_or_default());
+    let exact = exact.trim_end_matches('0');
+    if let Some(below) = exact.strip_suffix('5')
+        && below.len() == digits.len()
+        && below.ends_with(['0', '2', '4', '6', '8'])
+        && format!("{sign}0.{below}e{}", exponent + 1).parse() == Ok(value)
+    {
+        digits = below.to_owned();
     }
+    match exponent {
+        0..16 => {
+            let whole = exponent as usize + 1;
+            digits.extend(std::iter::repeat_n('0', (whole + 1).saturating_sub(digits.len())));
+            let (whole, part) = digits.split_at(whole);
+            format!("{sign}{whole}.{part}")
+        }
+        -4..0 => format!("{sign}0.{}{digits}", "0".repeat((-exponent - 1) as usize)),
+        _ => {
+            let (first, more) = digits.split_at(1);
+            let point = if more.is_empty() { "" } else { "." };
+            let direction = if exponent < 0 { '-' } else { '+' };
+            format!("{sign}{first}{point}{more}e{direction}{:02}", exponent.abs())
+        }
+    }
+}
+
+/// The digits of a number without sign and point.
+fn plain_digits(mantissa: &str) -> String {
+    mantissa.chars().filter(char::is_ascii_digit).collect()
 }
 
 #[cfg(test)]
@@ -326,5 +351,8 @@ mod tests {
             ["12.0", "0.25", "0.0001", "1.5e-05", "1e-07", "1000000000000000.0", "1e+16", "1.25e+22", "0.0", "-3.5"];
         assert_eq!(numbers[..10], expected);
         assert_eq!(numbers[10], "1e-300");
+        // Halfway between two numbers of as many digits.
+        assert_eq!(python_float(f64::from(3.132_087_7f32)), "3.1320877075195312");
+        assert_eq!([0.001, 100.0, -0.0, 123.456].map(python_float), ["0.001", "100.0", "-0.0", "123.456"]);
     }
 }

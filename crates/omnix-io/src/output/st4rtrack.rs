@@ -47,12 +47,11 @@ fn pair(
 ) -> Result<[PathBuf; 2], IoError> {
     let (w, h) = (view.picture.width as usize, view.picture.height as usize);
     let finite: Vec<bool> = points.chunks_exact(3).map(|p| p.iter().all(|v| v.is_finite())).collect();
-    let coloured = points.chunks_exact(3).zip(view.picture.data.chunks_exact(3)).zip(&finite).flat_map(
-        |((p, c), &finite)| {
+    let coloured =
+        points.chunks_exact(3).zip(view.picture.data.chunks_exact(3)).zip(&finite).flat_map(|((p, c), &finite)| {
             let p = if finite { [p[0], p[1], p[2]] } else { [0.0; 3] };
             [p[0], p[1], p[2], f32::from(c[0]) / 255.0, f32::from(c[1]) / 255.0, f32::from(c[2]) / 255.0]
-        },
-    );
+        });
     let trusted = confidence.iter().zip(&finite).map(|(&c, &ok)| if ok && c.is_finite() { c } else { 0.0 });
     Ok([
         write_npy(folder.join(format!("pts3d{head}_p{time}.npy")), &Array::f32("", vec![h, w, 6], coloured))?,

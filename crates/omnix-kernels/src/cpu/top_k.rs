@@ -1,8 +1,8 @@
 //! Oracle of `top_k`.
 
-/// The indices of the k largest of each row of n, ascending, and the mask; NaN is lowest, ties go to the lower index.
+/// The indices of the k largest of each row of n, ascending (`flat`: plus row · n), and the mask; NaN is lowest, ties go to the lower index.
 #[must_use]
-pub fn top_k((n, k): (usize, usize), x: &[f32]) -> (Vec<u32>, Vec<f32>) {
+pub fn top_k((n, k): (usize, usize), flat: bool, x: &[f32]) -> (Vec<u32>, Vec<f32>) {
     let (mut indices, mut mask) = (Vec::new(), vec![0.0; x.len()]);
     for (row, values) in x.chunks_exact(n).enumerate() {
         let mut order: Vec<usize> = (0..n).collect();
@@ -14,7 +14,7 @@ pub fn top_k((n, k): (usize, usize), x: &[f32]) -> (Vec<u32>, Vec<f32>) {
         order.truncate(k);
         order.sort_unstable();
         for i in order {
-            indices.push(i as u32);
+            indices.push((if flat { row * n + i } else { i }) as u32);
             mask[row * n + i] = 1.0;
         }
     }

@@ -1,0 +1,212 @@
+//! The command line: subcommands, and the options that `reconstruct` and `plan` share.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use omnix::io::Export;
+use omnix::io::preprocess::ResizeMethod;
+use omnix::{ReferenceChoice, WeightType};
+
+use crate::{bytes, cmd, error};
+
+/// Any-view reconstruction on any GPU: depth, cameras and points from images and videos of a scene.
+#[derive(Debug, Parser)]
+#[command(name = "omnix", version, after_help = error::EXIT_CODES, arg_required_else_help = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Depth, cameras and points of images, folders and videos, written to a folder.
+    Reconstruct(cmd::reconstruct::ReconstructArgs),
+    /// What a run would take: memory, operations, chunks and files. Needs no GPU.
+    Plan(cmd::plan::PlanArgs),
+    /// The devices of this machine: which will do, which not, and why.
+    Devices(cmd::devices::DevicesArgs),
+    /// Looks into checkpoints.
+    #[command(subcommand)]
+    Weights(cmd::weights::WeightsCommand),
+    /// Times the kernels and the small network, beside what the device can do at best.
+    Bench(cmd::bench::BenchArgs),
+}
+
+impl Command {
+    /// Whether machines listen.
+    pub(crate) fn json(&self) -> bool {
+        match self {
+            Self::Reconstruct(args) => args.run.json,
+            Self::Plan(args) => args.run.json,
+            Self::Devices(args) => args.json,
+            Self::Weights(command) => command.json(),
+            Self::Bench(args) => args.json,
+        }
+    }
+}
+
+/// Options of a run.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct RunArgs {
+    /// Use N frames of each input, evenly spread.
+    #[arg(long, value_name = "N", help_heading = "Frames", conflicts_with = "fps")]
+    pub(crate) frames: Option<usize>,
+    /// Use F frames a second of each video.
+    #[arg(long, value_name = "F", help_heading = "Frames")]
+    pub(crate) fps: Option<f64>,
+
+    /// Checkpoint: a folder with config.json and model.safetensors, such a file, or the name `nano` of the small stand-in
+    /// inside this program.
+    #[arg(long, value_name = "PATH|NAME", default_value = "nano", help_heading = "Network")]
+    pub(crate) weights: String,
+    /// How weights are stored on the device; f16 takes half the memory. Sums are f32 either way.
+    #[arg(long, value_name = "TYPE", default_value = "f32", help_heading = "Network")]
+    pub(crate) weights_type: WeightsType,
+    /// Which image is the reference view: first, middle, saddle_balanced, saddle_sim_range, or its index. [default: the
+    /// network's own]
+    #[arg(long, value_name = "WHICH", value_parser = reference, help_heading = "Network")]
+    pub(crate) reference: Option<ReferenceChoice>,
+    /// Where cameras come from: the camera decoder, or the ray maps (about twice the work of the heads).
+    #[arg(long, value_name = "SOURCE", default_value = "decoder", help_heading = "Network")]
+    pub(crate) cameras: Cameras,
+
+    /// Bound of the longest (or shortest) side in pixels. Depth Anything 3 only. [default: 504]
+    #[arg(long, value_name = "N", help_heading = "Picture size", value_parser = clap::value_parser!(u32).range(14..=8192))]
+    pub(crate) process_res: Option<u32>,
+    /// upper_bound_resize, upper_bound_crop, lower_bound_resize or lower_bound_crop. Depth Anything 3 only. [default:
+    /// upper_bound_resize]
+    #[arg(long, value_name = "METHOD", help_heading = "Picture size", value_parser = method)]
+    pub(crate) process_res_method: Option<ResizeMethod>,
+    /// Size of the network's pictures, multiples of 14. OmniX networks only. [default: about 504x280 in the first picture's
+    /// shape; for nano about 140x84, where it was trained]
+    #[arg(long, value_name = "WxH", help_heading = "Picture size", value_parser = size)]
+    pub(crate) size: Option<(u32, u32)>,
+
+    /// What to write, a comma between: npz, mini_npz, depth, ply, glb, tum. manifest.json is always written.
+    #[arg(long, value_name = "LIST", default_value = "depth,glb,npz", help_heading = "Output", value_parser = exports)]
+    pub(crate) export: Exports,
+    /// At most N points in ply and glb. [default: all in ply, 1000000 in glb]
+    #[arg(long, value_name = "N", help_heading = "Output", value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
+    pub(crate) points: Option<u64>,
+    /// Leave points below this percentile of confidence out of ply and glb. [default: 0 in ply, 40 in glb]
+    #[arg(long, value_name = "P", help_heading = "Output", value_parser = percentile)]
+    pub(crate) conf_percentile: Option<f32>,
+
+    /// Device memory that the run may take, such as 4GiB; chunks are cut to fit. [default: on software devices 80 % of the
+    /// free memory]
+    #[arg(long, value_name = "SIZE", help_heading = "Device", value_parser = bytes::parse)]
+    pub(crate) memory_budget: Option<u64>,
+    /// Device by index or part of its name, as `omnix devices` lists them. [default: the first that will do]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Device")]
+    pub(crate) device: Option<String>,
+
+    /// One JSON object a line on standard output, nothing for people.
+    ///
+    /// Its `event` is one of: note {message}; plan {images, image_size, peak_bytes, weight_bytes, backbone_flops,
+    /// head_flops, outputs, ...}; device {name, backend, driver, kind, tier}; progress {phase: read|weights|backbone|head,
+    /// done, total, seconds}; frame {index, video, frame, time_s, depth_min, depth_max, seconds}; done {dir, files, manifest,
+    /// images, timings_s, note}; error {kind, exit_code, message, causes}. The last line is done or error.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `--export`, parsed.
+#[derive(Debug, Clone)]
+pub(crate) struct Exports(pub(crate) Vec<Export>);
+
+/// `--weights-type`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WeightsType {
+    /// 32 bits.
+    F32,
+    /// 16 bits.
+    F16,
+}
+
+impl From<WeightsType> for WeightType {
+    fn from(value: WeightsType) -> Self {
+        match value {
+            WeightsType::F32 => Self::F32,
+            WeightsType::F16 => Self::F16,
+        }
+    }
+}
+
+/// `--cameras`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Cameras {
+    /// From the camera token.
+    Decoder,
+    /// From the ray maps.
+    Rays,
+}
+
+fn reference(text: &str) -> Result<ReferenceChoice, String> {
+    match text {
+        "first" => Ok(ReferenceChoice::First),
+        "middle" => Ok(ReferenceChoice::Middle),
+        "saddle_balanced" => Ok(ReferenceChoice::SaddleBalanced),
+        "saddle_sim_range" => Ok(ReferenceChoice::SaddleSimRange),
+        index => match index.parse() {
+            Ok(index) => Ok(ReferenceChoice::Forced(index)),
+            Err(_) => Err("first, middle, saddle_balanced, saddle_sim_range or an index from 0".to_owned()),
+        },
+    }
+}
+
+fn method(text: &str) -> Result<ResizeMethod, String> {
+    text.parse().map_err(|e: omnix::io::IoError| e.to_string())
+}
+
+fn exports(text: &str) -> Result<Exports, String> {
+    let list = Export::parse_list(text).map_err(|e| e.to_string())?;
+    if list.is_empty() {
+        Err("name at least one of npz, mini_npz, depth, ply, glb, tum".to_owned())
+    } else {
+        Ok(Exports(list))
+    }
+}
+
+fn percentile(text: &str) -> Result<f32, String> {
+    text.parse::<f32>().ok().filter(|p| (0.0..=100.0).contains(p)).ok_or_else(|| "a number from 0 to 100".to_owned())
+}
+
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let (w, h) = text.split_once(['x', 'X', '×']).ok_or("width and height, such as 504x280")?;
+    let side = |text: &str| text.trim().parse::<u32>().ok().filter(|s| (14..=8192).contains(s) && s.is_multiple_of(14));
+    let (Some(width), Some(height)) = (side(w), side(h)) else {
+        return Err("both sides must be multiples of 14, from 14 to 8190".to_owned());
+    };
+    Ok((width, height))
+}
+
+/// The output folder, shared by commands that write one.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct OutArgs {
+    /// Folder for the results; made if absent. Files of the same names are replaced, others are left alone.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn values() {
+        assert_eq!(size("504x280"), Ok((504, 280)));
+        for bad in ["504", "500x280", "0x14", "14x", "9999999x14"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        assert!(exports("npz,nothing").is_err() && exports(",").is_err());
+        assert!(percentile("nan").is_err() && percentile("101").is_err());
+        assert!(reference("last").is_err());
+    }
+}

@@ -1,0 +1,84 @@
+//! `omnix plan`: what a run would take. Needs no device.
+
+use clap::{Args, ValueEnum};
+use omnix::{Caps, Engine, RunPlan, Tier, Weights};
+use serde_json::json;
+
+use crate::args::RunArgs;
+use crate::error::CliError;
+use crate::job::{self, Job};
+use crate::ui::{self, Ui};
+
+/// Arguments of `omnix plan`.
+#[derive(Debug, Args)]
+pub(crate) struct PlanArgs {
+    /// Pictures, folders, patterns and videos, as for `reconstruct`.
+    #[arg(value_name = "INPUT", required_unless_present = "images")]
+    inputs: Vec<String>,
+    /// Plan for N pictures of --size instead of files.
+    #[arg(long, value_name = "N", requires = "size", conflicts_with = "inputs")]
+    images: Option<usize>,
+    /// Plan for this kind of device; with --device for that very device.
+    #[arg(long, value_name = "CLASS", default_value = "lavapipe", conflicts_with = "device", help_heading = "Device")]
+    device_class: DeviceClass,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
+}
+
+/// Kinds of devices to plan for.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum DeviceClass {
+    /// Mesa's software device.
+    Lavapipe,
+    /// What every WebGPU device has.
+    Baseline,
+    /// A GPU with WebGPU's limits.
+    Gpu,
+}
+
+impl DeviceClass {
+    fn caps(self) -> Caps {
+        match self {
+            Self::Lavapipe => Caps::lavapipe(),
+            Self::Baseline => Caps::baseline(),
+            Self::Gpu => Caps::baseline().with_tier(Tier::Gpu),
+        }
+    }
+}
+
+/// Prints the plan.
+pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
+    let caps = match &args.run.device {
+        Some(device) => Engine::open(Some(device))?.caps().clone(),
+        None => args.device_class.caps(),
+    };
+    let (plan, weights) = if let (Some(images), Some((width, height))) = (args.images, args.run.size) {
+        let weights = Weights::find(&args.run.weights)?;
+        let request = job::request(&args.run, images, width, height);
+        (RunPlan::new(&weights, &request, &caps)?, weights)
+    } else {
+        let mut job = Job::new(&args.inputs, &args.run, ui)?;
+        // Only what was asked for bounds a plan; the machine's free memory is the business of a run.
+        (job.plan(&args.run, &caps, false)?, job.weights)
+    };
+    let exports = &args.run.export.0;
+    if ui.json() {
+        ui.event("plan", job::plan_event(&plan, &weights, exports, args.run.memory_budget));
+        ui.event("done", json!({}));
+        return Ok(());
+    }
+    let network = &weights.network().config().name;
+    let files = job::files_of(exports, plan.request.images).join(", ");
+    let seconds = job::seconds(plan.flops(), caps.tier);
+    let guess = match seconds {
+        s if s < 120.0 => format!("{:.0} s", s.ceil()),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.0} h", s / 3600.0),
+    };
+    ui::print(&format!(
+        "network {network}, {} weights, for a {} device\n{}\ntime    about {guess}, a rough guess\nfiles   {files}",
+        job::storage_name(&args.run),
+        caps.tier,
+        job::describe(&plan),
+    ))
+}

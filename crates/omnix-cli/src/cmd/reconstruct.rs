@@ -1,0 +1,332 @@
+//! `omnix reconstruct`: pictures and videos in, a folder of results out.
+//!
+//! Everything that can be wrong is looked for before work begins, in this order: inputs, weights, sizes, device, memory,
+//! output folder; then every picture is decoded, and only then does the network run. Results go out image by image; however
+//! a run ends, the exports of what was finished are completed and `manifest.json` says how far it came.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use omnix::geometry::{RayMaps, cameras_from_rays, sample_table};
+use omnix::io::output::manifest::{Manifest, ManifestFrame, Weights as ManifestWeights};
+use omnix::io::preprocess::{exported_picture, normalise};
+use omnix::io::{FrameLoader, FrameResult, Picture, RunSummary, Sink, SinkOptions, open_sinks, write_manifest};
+use omnix::{Camera, DeviceInfo, Engine, FrameGeometry, OmnixError, Phase, RunPlan, Session};
+use serde_json::{Map, Value, json};
+
+use crate::args::{OutArgs, RunArgs};
+use crate::error::CliError;
+use crate::job::{self, Job};
+use crate::ui::Ui;
+use crate::{bytes, stop};
+
+/// Arguments of `omnix reconstruct`.
+#[derive(Debug, Args)]
+#[command(after_long_help = crate::error::EXIT_CODES)]
+pub(crate) struct ReconstructArgs {
+    /// Pictures (png, jpg, webp, bmp), folders of pictures (one video for each sub-folder), patterns such as 'a/*.jpg', and
+    /// videos. Each is a video with its own frame times; all are reconstructed together.
+    #[arg(value_name = "INPUT", required = true)]
+    inputs: Vec<String>,
+    #[command(flatten)]
+    out: OutArgs,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
+}
+
+/// Where a run stands; survives its failure.
+struct Run<'a> {
+    job: &'a Job,
+    args: &'a ReconstructArgs,
+    info: DeviceInfo,
+    sinks: Vec<Box<dyn Sink>>,
+    finished: usize,
+    timings: Map<String, Value>,
+}
+
+/// Runs from the inputs to the manifest.
+pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
+    let since = Instant::now();
+    stop::listen();
+    let mut job = Job::new(&args.inputs, &args.run, ui)?;
+    let engine = Engine::open(args.run.device.as_deref())?;
+    let info = engine.info();
+    let cpu = engine.gpu().device.adapter_info().device_type == omnix::wgpu::DeviceType::Cpu;
+    let plan = job.plan(&args.run, engine.caps(), cpu)?;
+    job.check_work(&plan, &args.run, engine.caps().tier)?;
+    announce(&job, &plan, args, &info, ui);
+    let options = sink_options(&args.run);
+    let sinks = open_sinks(&args.run.export.0, &args.out.out, &options)?;
+    let mut run = Run { job: &job, args, info, sinks, finished: 0, timings: Map::new() };
+    let outcome = run.work(&engine, plan, ui);
+    ui.end();
+    run.timings.insert("total".to_owned(), json!(since.elapsed().as_secs_f64()));
+    let written = run.finish(outcome.is_err(), &options.unit);
+    // A failure of the run says more than one of completing its files.
+    match outcome {
+        Err(CliError::Omnix(OmnixError::Interrupted)) => {}
+        Err(error) => return Err(error),
+        Ok(()) => {}
+    }
+    let files = written?;
+    let (finished, images) = (run.finished, job.request.images);
+    if finished < images {
+        return Err(CliError::Interrupted { finished, images, dir: args.out.out.clone() });
+    }
+    report(&run, &files, since, ui);
+    Ok(())
+}
+
+/// Tells what is about to happen.
+fn announce(job: &Job, plan: &RunPlan, args: &ReconstructArgs, info: &DeviceInfo, ui: &mut Ui) {
+    ui.event("plan", job::plan_event(plan, &job.weights, &args.run.export.0, job.request.budget));
+    ui.event("device", serde_json::to_value(info).unwrap_or_default());
+    let network = &job.weights.network().config().name;
+    ui.say(&format!(
+        "{} image(s) of {}x{}, {network} with {} weights on {} ({}), {} of memory, {:.1} GFLOP",
+        job.request.images,
+        job.request.width,
+        job.request.height,
+        job::storage_name(&args.run),
+        info.name,
+        info.backend,
+        bytes::show(plan.peak_bytes()),
+        plan.flops() as f64 / 1e9,
+    ));
+    for left_out in &job.weights.network().config().left_out {
+        ui.note(&format!("note: {}", left_out.note()));
+    }
+    if let Some(surplus) = first(&job.weights.report().surplus) {
+        ui.note(&format!("note: the checkpoint holds tensors that are not used: {surplus}"));
+    }
+}
+
+/// The first few of a long list, on one line.
+fn first(names: &[String]) -> Option<String> {
+    const SHOWN: usize = 5;
+    let more = names.len().checked_sub(SHOWN).filter(|n| *n > 0).map_or_else(String::new, |n| format!(" and {n} more"));
+    (!names.is_empty()).then(|| format!("{}{more}", names[..names.len().min(SHOWN)].join(", ")))
+}
+
+fn sink_options(args: &RunArgs) -> SinkOptions {
+    let default = SinkOptions::default();
+    let points = args.points.map(|n| n as usize);
+    SinkOptions {
+        ply_confidence_percentile: args.conf_percentile,
+        ply_max_points: points,
+        glb_confidence_percentile: args.conf_percentile.unwrap_or(default.glb_confidence_percentile),
+        glb_max_points: points.unwrap_or(default.glb_max_points),
+        ..default
+    }
+}
+
+impl Run<'_> {
+    /// Decodes, uploads, runs, and feeds the sinks.
+    fn work(&mut self, engine: &Engine, plan: RunPlan, ui: &mut Ui) -> Result<(), CliError> {
+        let pictures = self.read(ui)?;
+        let request = &self.job.request;
+        ui.begin("weights", "loading weights, compiling kernels");
+        let mut heard = |p: omnix::Progress| {
+            ui.progress(p.done, p.total);
+            stop::flow()
+        };
+        let mut session = Session::new(engine, &self.job.weights, plan, &mut heard)?;
+        let mut numbers = vec![0.0; 3 * request.height * request.width];
+        for (index, picture) in pictures.iter().enumerate() {
+            normalise(picture, &mut numbers);
+            session.set_image(index, &numbers)?;
+        }
+        drop(numbers);
+        self.timings.insert("weights".to_owned(), json!(ui.end()));
+        self.network(&mut session, &pictures, ui)
+    }
+
+    /// Every picture at the network's size, 8 bits a channel.
+    fn read(&mut self, ui: &mut Ui) -> Result<Vec<Picture>, CliError> {
+        let input = &self.job.input;
+        let total = input.frames.len();
+        ui.begin("read", &format!("reading {total} image(s)"));
+        let mut loader = FrameLoader::new(input);
+        let mut pictures = Vec::with_capacity(total);
+        for index in 0..total {
+            if stop::asked() {
+                return Err(OmnixError::Interrupted.into());
+            }
+            pictures.push(self.job.preparation.apply(&loader.load(index)?)?);
+            ui.progress(index as u64 + 1, total as u64);
+        }
+        self.timings.insert("read".to_owned(), json!(ui.end()));
+        Ok(pictures)
+    }
+
+    /// The network, and each image's results into the sinks.
+    fn network(&mut self, session: &mut Session, pictures: &[Picture], ui: &mut Ui) -> Result<(), CliError> {
+        let since = Instant::now();
+        let request = &self.job.request;
+        let (gh, gw) = request.grid();
+        let rays_size = [8 * gh, 8 * gw];
+        let table = request.rays.then(|| sample_table(rays_size[0] * rays_size[1]));
+        let image = [request.height as u32, request.width as u32];
+        let (frames, sinks, finished) = (&self.job.input.frames, &mut self.sinks, &mut self.finished);
+        ui.begin("backbone", "network over all images");
+        // Both callbacks of the session talk to the user, one at a time.
+        let ui = std::cell::RefCell::new(ui);
+        let mut heads_since = None;
+        let mut heard = |p: omnix::Progress| {
+            let mut ui = ui.borrow_mut();
+            if p.phase == Phase::Head && heads_since.is_none() {
+                heads_since = Some(since.elapsed().as_secs_f64());
+                ui.begin("head", "depth, image by image");
+            }
+            ui.progress(p.done, p.total);
+            stop::flow()
+        };
+        let mut each = |geometry: FrameGeometry| -> Result<(), OmnixError> {
+            let index = geometry.index;
+            let camera = match (&geometry.rays, &table) {
+                (Some((rays, confidence)), Some(table)) => {
+                    camera_of_rays(&RayMaps { rays, confidence, size: rays_size }, image, table)?
+                }
+                _ => geometry.camera,
+            };
+            let rgb = exported_picture(&pictures[index]);
+            let frame = &frames[index];
+            let result = FrameResult {
+                index,
+                video: frame.video,
+                frame: frame.frame,
+                time_s: frame.time_s,
+                width: image[1],
+                height: image[0],
+                depth: &geometry.depth,
+                confidence: Some(&geometry.confidence),
+                rgb: &rgb.data,
+                extrinsics: Some(camera.extrinsics),
+                intrinsics: Some(camera.intrinsics),
+                sky: None,
+            };
+            for sink in sinks.iter_mut() {
+                sink.frame(&result)?;
+            }
+            *finished = index + 1;
+            let (min, max) = range(&geometry.depth);
+            let fields = json!({
+                "index": index, "video": frame.video, "frame": frame.frame, "time_s": frame.time_s,
+                "depth_min": min, "depth_max": max, "seconds": since.elapsed().as_secs_f64(),
+            });
+            ui.borrow_mut().event("frame", fields);
+            Ok(())
+        };
+        let outcome = session.run(&mut heard, &mut each);
+        let (all, heads_since) = (since.elapsed().as_secs_f64(), heads_since.unwrap_or(0.0));
+        self.timings.insert("backbone".to_owned(), json!(heads_since));
+        self.timings.insert("heads_and_exports".to_owned(), json!(all - heads_since));
+        Ok(outcome?)
+    }
+
+    /// Completes the exports and writes the manifest; on failure tries all of it and returns the first error.
+    fn finish(&mut self, interrupted: bool, unit: &str) -> Result<Vec<PathBuf>, CliError> {
+        let interrupted = interrupted || self.finished < self.job.request.images;
+        let mut files = Vec::new();
+        let mut failed = None;
+        for sink in std::mem::take(&mut self.sinks) {
+            match sink.finish(&RunSummary { interrupted }) {
+                Ok(written) => files.extend(written),
+                Err(error) => failed = failed.or(Some(error)),
+            }
+        }
+        let manifest = self.manifest(files, interrupted || failed.is_some(), unit);
+        let written = write_manifest(&self.args.out.out, &manifest);
+        let mut files = manifest.files;
+        match (failed, written) {
+            (None, Ok(path)) => {
+                files.push(path);
+                Ok(files)
+            }
+            (Some(error), _) | (None, Err(error)) => Err(error.into()),
+        }
+    }
+
+    fn manifest(&self, files: Vec<PathBuf>, interrupted: bool, unit: &str) -> Manifest {
+        let (job, args) = (self.job, &self.args.run);
+        let (checkpoint, config) = (job.weights.checkpoint(), job.weights.network().config());
+        let exports: Vec<&str> = args.export.0.iter().map(|e| e.name()).collect();
+        let mut versions = Map::new();
+        versions.insert("omnix".to_owned(), env!("CARGO_PKG_VERSION").into());
+        versions.insert("driver".to_owned(), self.info.driver.clone().into());
+        let notes = job.input.notes.iter().cloned().chain(job.weights.note().map(str::to_owned));
+        Manifest {
+            network: config.name.clone(),
+            weights: ManifestWeights {
+                name: checkpoint.name().to_owned(),
+                digest: format!("blake3:{}", checkpoint.digest()),
+                note: job.weights.note().map(str::to_owned),
+            },
+            device: serde_json::to_value(&self.info).unwrap_or_default(),
+            unit: unit.to_owned(),
+            settings: json!({
+                "inputs": self.args.inputs,
+                "frames": args.frames,
+                "fps": args.fps,
+                "preparation": job.preparation.settings(),
+                "weights_type": job::storage_name(args),
+                "reference": args.reference.as_ref().map(|r| format!("{r:?}")),
+                "cameras": if job.request.rays { "ray maps" } else { "camera decoder" },
+                "memory_budget_bytes": job.request.budget,
+                "export": exports,
+                "points": args.points,
+                "conf_percentile": args.conf_percentile,
+            }),
+            timings_s: Value::Object(self.timings.clone()),
+            versions,
+            frames: ManifestFrame::of_plan(&job.input, job.preparation.size(), self.finished),
+            notes: notes.chain(config.left_out.iter().map(|l| l.note().to_owned())).collect(),
+            files,
+            interrupted,
+        }
+    }
+}
+
+/// The camera of one image from its rays.
+fn camera_of_rays(maps: &RayMaps<'_>, image: [u32; 2], table: &[[u32; 8]]) -> Result<Camera, OmnixError> {
+    let cameras = cameras_from_rays(maps, image, Some(table))?;
+    let none = || OmnixError::Request { reason: "BUG: no camera for a ray map".to_owned() };
+    cameras.first().map(|c| c.camera).ok_or_else(none)
+}
+
+/// Least and greatest depth.
+fn range(depth: &[f32]) -> (f32, f32) {
+    depth.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), d| (a.min(*d), b.max(*d)))
+}
+
+/// The end of a successful run.
+fn report(run: &Run<'_>, files: &[PathBuf], since: Instant, ui: &mut Ui) {
+    let dir = &run.args.out.out;
+    let seconds = since.elapsed().as_secs_f64();
+    let note = run.job.weights.note();
+    ui.event(
+        "done",
+        json!({
+            "dir": dir, "files": files, "manifest": dir.join("manifest.json"), "images": run.finished,
+            "interrupted": false, "timings_s": run.timings, "note": note,
+        }),
+    );
+    // Hundreds of depth pictures are one line.
+    let mut shown: Vec<String> = Vec::new();
+    for file in files {
+        let inside = file.strip_prefix(dir).unwrap_or(file);
+        let folder = inside.parent().filter(|p| p.ends_with("depth") || p.ends_with("depth_color"));
+        let line = folder.map_or_else(|| file.display().to_string(), |f| dir.join(f).join("").display().to_string());
+        if !shown.contains(&line) {
+            shown.push(line);
+        }
+    }
+    ui.say(&format!("{} image(s) in {seconds:.1} s:", run.finished));
+    for line in shown {
+        ui.say(&format!("  {line}"));
+    }
+    if let Some(note) = note {
+        ui.say(&format!("note: {note}"));
+    }
+}

@@ -1,0 +1,189 @@
+//! `omnix weights info` and `omnix weights check`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use clap::{Args, Subcommand};
+use omnix::checkpoint::{CheckReport, Checkpoint, WeightsError, describe, find_non_finite};
+use omnix::{OmnixError, Weights};
+use serde_json::{Value, json};
+
+use crate::bytes;
+use crate::error::CliError;
+use crate::ui::{self, Ui};
+
+/// What to do with a checkpoint.
+#[derive(Debug, Subcommand)]
+pub(crate) enum WeightsCommand {
+    /// What a checkpoint holds: network, size, types, digest.
+    Info(WeightsArgs),
+    /// Every tensor: there, of the right shape, and nothing but numbers. Exit code 3 if not.
+    Check(WeightsArgs),
+}
+
+/// Arguments of both.
+#[derive(Debug, Args)]
+pub(crate) struct WeightsArgs {
+    /// A folder with config.json and model.safetensors, such a file, or `nano`.
+    #[arg(value_name = "PATH|NAME")]
+    weights: String,
+    /// One JSON object on standard output.
+    #[arg(long)]
+    json: bool,
+}
+
+impl WeightsCommand {
+    /// Whether machines listen.
+    pub(crate) fn json(&self) -> bool {
+        match self {
+            Self::Info(args) | Self::Check(args) => args.json,
+        }
+    }
+}
+
+/// Runs one of the two.
+pub(crate) fn run(command: &WeightsCommand, ui: &mut Ui) -> Result<(), CliError> {
+    match command {
+        WeightsCommand::Info(args) => info(args, ui),
+        WeightsCommand::Check(args) => check(args, ui),
+    }
+}
+
+fn info(args: &WeightsArgs, ui: &mut Ui) -> Result<(), CliError> {
+    // A checkpoint that does not fit its configuration can still be looked at.
+    let opened;
+    let (found, problem) = match Weights::find(&args.weights) {
+        Ok(weights) => (Ok(weights), None),
+        Err(error @ (OmnixError::Model(_) | OmnixError::Weights(WeightsError::Mismatch { .. }))) => {
+            opened = Checkpoint::open(Path::new(&args.weights)).map_err(OmnixError::from)?;
+            (Err(&opened), Some(error.to_string()))
+        }
+        Err(error) => return Err(error.into()),
+    };
+    let checkpoint = match &found {
+        Ok(weights) => weights.checkpoint(),
+        Err(checkpoint) => checkpoint,
+    };
+    let mut types: BTreeMap<&str, usize> = BTreeMap::new();
+    let (mut tensors, mut numbers, mut size) = (0usize, 0usize, 0u64);
+    for (_, tensor) in checkpoint.tensors() {
+        *types.entry(&tensor.dtype).or_default() += 1;
+        tensors += 1;
+        numbers += tensor.elements();
+        size += tensor.byte_len() as u64;
+    }
+    let network = found.as_ref().ok().map(|w| w.network().config().name.clone());
+    let note = found.as_ref().ok().and_then(|w| w.note());
+    let seems = describe(checkpoint);
+    if ui.json() {
+        let fields = json!({
+            "name": checkpoint.name(), "path": checkpoint.path(), "network": network, "seems": seems, "tensors": tensors,
+            "parameters": numbers, "bytes": size, "types": types, "key_prefix": checkpoint.key_prefix(),
+            "digest": format!("blake3:{}", checkpoint.digest()), "metadata": checkpoint.metadata(), "usable": problem.is_none(),
+            "problem": problem, "note": note,
+        });
+        ui.event("weights", fields);
+        return Ok(());
+    }
+    let listed: Vec<String> = types.iter().map(|(name, count)| format!("{count} {name}")).collect();
+    let mut lines = vec![
+        format!("name     {}", checkpoint.name()),
+        format!("network  {}", network.as_deref().unwrap_or("none that can be run")),
+        format!("seems    {seems}"),
+        format!(
+            "tensors  {tensors} ({}), {:.2} M parameters, {}",
+            listed.join(", "),
+            numbers as f64 / 1e6,
+            bytes::show(size)
+        ),
+        format!("prefix   {}", if checkpoint.key_prefix().is_empty() { "none" } else { checkpoint.key_prefix() }),
+        format!("digest   blake3:{}", checkpoint.digest()),
+    ];
+    lines.extend(checkpoint.metadata().iter().map(|(k, v)| format!("metadata {k} = {v}")));
+    lines.extend(problem.map(|p| format!("problem  {p}")));
+    lines.extend(note.map(|n| format!("note     {n}")));
+    ui::print(&lines.join("\n"))
+}
+
+/// A tensor that is not all numbers.
+struct Damaged {
+    name: String,
+    index: usize,
+    value: f32,
+}
+
+fn check(args: &WeightsArgs, ui: &mut Ui) -> Result<(), CliError> {
+    let opened;
+    let own;
+    let (checkpoint, report): (&Checkpoint, &CheckReport) = match Weights::find(&args.weights) {
+        Ok(weights) => {
+            own = weights;
+            (own.checkpoint(), own.report())
+        }
+        Err(OmnixError::Weights(WeightsError::Mismatch { report })) => {
+            opened = (Checkpoint::open(Path::new(&args.weights)).map_err(OmnixError::from)?, report);
+            (&opened.0, &opened.1)
+        }
+        Err(error) => return Err(error.into()),
+    };
+    let damaged = scan(checkpoint);
+    let problems = report.missing.len() + report.wrong_shape.len() + report.unsupported.len() + damaged.len();
+    if ui.json() {
+        ui.event("check", as_json(report, &damaged, problems));
+    } else {
+        ui::print(&as_text(checkpoint, report, &damaged, problems))?;
+    }
+    if problems > 0 {
+        return Err(CliError::BadWeights { problems, path: report.path.clone() });
+    }
+    Ok(())
+}
+
+/// Every tensor with a NaN or infinity. Tensors of other types than floats hold none.
+fn scan(checkpoint: &Checkpoint) -> Vec<Damaged> {
+    let mut damaged = Vec::new();
+    for file in checkpoint.files() {
+        for (name, _) in file.tensors() {
+            let Ok(view) = file.tensor(name) else { continue };
+            if let Some((index, value)) = find_non_finite(&view) {
+                damaged.push(Damaged { name: name.to_owned(), index, value });
+            }
+        }
+    }
+    damaged
+}
+
+fn as_json(report: &CheckReport, damaged: &[Damaged], problems: usize) -> Value {
+    let shapes: Vec<Value> = report
+        .wrong_shape
+        .iter()
+        .map(|w| json!({ "name": w.name, "expected": w.expected, "found": w.found }))
+        .collect();
+    let bad: Vec<Value> =
+        damaged.iter().map(|d| json!({ "name": d.name, "index": d.index, "value": d.value.to_string() })).collect();
+    json!({
+        "ok": problems == 0, "problems": problems, "seems": report.seems, "path": report.path, "missing": report.missing,
+        "wrong_shape": shapes, "unsupported": report.unsupported, "not_finite": bad, "surplus": report.surplus,
+        "ignored": report.ignored,
+    })
+}
+
+fn as_text(checkpoint: &Checkpoint, report: &CheckReport, damaged: &[Damaged], problems: usize) -> String {
+    let mut lines = vec![format!("{}: {}", checkpoint.name(), report.seems)];
+    lines.extend(report.missing.iter().map(|name| format!("missing      {name}")));
+    let shape = |w: &omnix::checkpoint::WrongShape| {
+        format!("wrong shape  {}: {:?} instead of {:?}", w.name, w.found, w.expected)
+    };
+    lines.extend(report.wrong_shape.iter().map(shape));
+    lines.extend(report.unsupported.iter().map(|(name, dtype)| format!("wrong type   {name}: {dtype}")));
+    lines.extend(damaged.iter().map(|d| format!("not finite   {}: {} at element {}", d.name, d.value, d.index)));
+    lines.extend(report.surplus.iter().map(|name| format!("surplus      {name}")));
+    lines.push(format!("left out     {} tensor(s) of parts that are not run", report.ignored.len()));
+    let count = checkpoint.tensors().count();
+    lines.push(if problems == 0 {
+        format!("ok: {count} tensors")
+    } else {
+        format!("{problems} problem(s) in {count} tensors")
+    });
+    lines.join("\n")
+}

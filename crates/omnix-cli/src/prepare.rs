@@ -1,0 +1,129 @@
+//! How pictures are brought to the network's size: Depth Anything 3's way or OmniX's, chosen by the checkpoint.
+
+use omnix::Weights;
+use omnix::io::preprocess::{Da3Preprocess, OmnixPreprocess, PATCH, Processed, ResizeMethod, centre_crop, common_size};
+use omnix::io::{InputPlan, IoError, Picture};
+use omnix::model::config::Family;
+use serde_json::{Value, json};
+
+use crate::args::RunArgs;
+use crate::error::CliError;
+
+/// Patches of 504x280 pixels.
+const PATCHES: f64 = 36.0 * 20.0;
+/// Patches of 140x84 pixels, where the embedded checkpoint was trained.
+const PATCHES_NANO: f64 = 10.0 * 6.0;
+
+/// Settings and the one size of a run.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Preparation {
+    /// Bound a side, go to multiples of 14, crop to the smallest size of the batch.
+    DepthAnything {
+        /// The first two steps.
+        steps: Da3Preprocess,
+        /// Width and height after the last.
+        common: (u32, u32),
+    },
+    /// Cover a fixed size and crop.
+    OmniX(OmnixPreprocess),
+}
+
+impl Preparation {
+    /// Chooses by the network and finds the size, without decoding anything.
+    pub(crate) fn new(weights: &Weights, args: &RunArgs, input: &InputPlan) -> Result<Self, CliError> {
+        if let Some(frame) = input.frames.iter().find(|f| f.width.min(f.height) < PATCH) {
+            let (width, height, path) = (frame.width, frame.height, frame.path.clone());
+            return Err(CliError::TinyPicture { width, height, path });
+        }
+        match weights.network().config().family {
+            Family::DepthAnything3 => {
+                if args.size.is_some() {
+                    return Err(CliError::Usage(
+                        "--size is for OmniX networks; this is Depth Anything 3: use --process-res N".to_owned(),
+                    ));
+                }
+                let steps = Da3Preprocess {
+                    process_res: args.process_res.unwrap_or(504),
+                    method: args.process_res_method.unwrap_or(ResizeMethod::UpperBoundResize),
+                };
+                let sizes: Result<Vec<_>, IoError> =
+                    input.frames.iter().map(|f| steps.output_size(f.width, f.height)).collect();
+                let common = common_size(sizes?).unwrap_or((PATCH, PATCH));
+                Ok(Self::DepthAnything { steps, common })
+            }
+            Family::OmniX => {
+                if args.process_res.is_some() || args.process_res_method.is_some() {
+                    return Err(CliError::Usage(
+                        "--process-res is for Depth Anything 3; this is an OmniX network: use --size WxH".to_owned(),
+                    ));
+                }
+                let patches = if weights.note().is_some() { PATCHES_NANO } else { PATCHES };
+                let shape = input.frames.first().map_or((504, 280), |f| (f.width, f.height));
+                let (width, height) = args.size.unwrap_or_else(|| fitting(shape, patches));
+                Ok(Self::OmniX(OmnixPreprocess { width, height }))
+            }
+        }
+    }
+
+    /// Width and height of every processed picture.
+    pub(crate) fn size(&self) -> (u32, u32) {
+        match self {
+            Self::DepthAnything { common, .. } => *common,
+            Self::OmniX(steps) => (steps.width, steps.height),
+        }
+    }
+
+    /// One picture at the network's size.
+    pub(crate) fn apply(&self, picture: &Picture) -> Result<Picture, IoError> {
+        match self {
+            Self::DepthAnything { steps, common } => {
+                let processed: Processed = steps.apply(picture, None)?;
+                Ok(centre_crop(processed, *common).picture)
+            }
+            Self::OmniX(steps) => steps.apply(picture),
+        }
+    }
+
+    /// For the manifest.
+    pub(crate) fn settings(&self) -> Value {
+        let (width, height) = self.size();
+        match self {
+            Self::DepthAnything { steps, .. } => json!({
+                "kind": "depth_anything_3", "process_res": steps.process_res,
+                "process_res_method": steps.method.name(), "size": [width, height],
+            }),
+            Self::OmniX(_) => json!({ "kind": "omnix", "size": [width, height] }),
+        }
+    }
+}
+
+/// Multiples of 14 of nearly the shape `width` x `height`, about `patches` patches in all: the pair with the least sum of
+/// both relative differences.
+fn fitting((width, height): (u32, u32), patches: f64) -> (u32, u32) {
+    let aspect = f64::from(width) / f64::from(height);
+    let off = |&(w, h): &(u32, u32)| {
+        let (w, h) = (f64::from(w), f64::from(h));
+        (w / h / aspect).ln().abs() + (w * h / patches).ln().abs()
+    };
+    let most = patches as u32;
+    let pairs = (1..=most).flat_map(|h| {
+        let w = (patches / f64::from(h)) as u32;
+        [w, w + 1].into_iter().filter(|w| *w > 0).map(move |w| (w, h))
+    });
+    let (w, h) = pairs.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or((1, 1));
+    (w * PATCH, h * PATCH)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn default_sizes() {
+        assert_eq!(fitting((1920, 1152), PATCHES_NANO), (140, 84));
+        assert_eq!(fitting((504, 280), PATCHES), (504, 280));
+        let (w, h) = fitting((480, 852), PATCHES_NANO);
+        assert!(w < h && w % 14 == 0 && (40..=80).contains(&(w / 14 * (h / 14))), "{w}x{h}");
+        assert_eq!(fitting((14, 100_000), PATCHES_NANO), (14, 840));
+    }
+}

@@ -1,0 +1,29 @@
+//! Ctrl-C: the first asks the run to stop between two pieces of work, the second ends the program at once.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static ASKED: AtomicBool = AtomicBool::new(false);
+
+/// Takes the signal from now on. Where the system refuses, Ctrl-C keeps ending the program at once.
+pub(crate) fn listen() {
+    let set = ctrlc::set_handler(|| {
+        if ASKED.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+        eprintln!("\nstopping; what is finished will be kept (again: stop at once)");
+    });
+    if let Err(error) = set {
+        tracing::warn!("Ctrl-C cannot be handled: {error}");
+    }
+}
+
+/// Whether it was pressed.
+pub(crate) fn asked() -> bool {
+    ASKED.load(Ordering::SeqCst)
+}
+
+/// For the engine's progress callbacks.
+pub(crate) fn flow() -> ControlFlow<()> {
+    if asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}

@@ -1,0 +1,12 @@
+//! The program as a user runs it: its files, words and exit codes.
+
+#![expect(clippy::unwrap_used, reason = "a failed helper is a failed test")]
+
+mod bad_input;
+mod bad_weights;
+mod commands;
+mod common;
+mod device_lost;
+mod happy;
+mod interrupted;
+mod limits;
