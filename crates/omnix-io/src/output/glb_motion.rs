@@ -7,7 +7,8 @@
 //! * "frusta": the lines of every image's camera. For every video a camera node "camera of video v" (glTF perspective camera of its
 //!   first image's intrinsics, principal point in the middle) with the frustum lines as its mesh, animated through its images.
 //!
-//! Key times are those of the images, image i at i / fps seconds; with more images than `max_times`, evenly chosen ones with the first and the last.
+//! Key times are those of the images, image i at i / fps seconds; with more images than `max_times`, evenly chosen ones with the
+//! first and the last.
 //! Axes and centre are those of the still `scene.glb` (first camera in glTF axes, origin at the median at the first key time).
 //! Points that are not finite at a key time are left out; more than `max_points` are thinned evenly, static ones first.
 //!

@@ -72,8 +72,8 @@ impl Export {
     }
 }
 
-/// Writes those of `exports` that are made of chosen points (`tracks`, `omx4d`, `glb`, `html`) into `dir` and returns the files' paths. Others are
-/// passed over.
+/// Writes those of `exports` that are made of chosen points (`tracks`, `omx4d`, `glb`, `html`) into `dir` and returns the files'
+/// paths. Others are passed over.
 ///
 /// # Errors
 /// Points that contradict each other or the images; cameras that cannot be inverted; a failure of writing.

@@ -1,11 +1,16 @@
 //! `omx4d`: `scene.omx4d`, a compact format for web viewers (`omnix.md` section 12, version 1).
 //!
-//! 8 bytes `OMX4D\r\n\x1a`, u32 version 1, u32 length of the header, the header (UTF-8 JSON, keys sorted, no spaces, numbers written as
-//! Python writes them), then six sections, each at the next multiple of 8 and zero padded: `positions` f32 \[frames, points, 3\], `colors` u8
-//! \[points, 3\], `dynamicScore` f32 \[points\] in 0..1, `sourceView` u16 \[points\], `cameraPose` f32 \[views, 4, 4\] camera-to-world, `intrinsics`
-//! f32 \[views, 3, 3\]. Little endian. Axes: x right, y up, z backward, so y and z are negated and poses are `B c2w B`,
-//! B = diag(1,−1,−1,1). Points are chosen by [`super::choose_voxel`] among those offered; they are in the order of their ids,
-//! `(source H + y) W + x`.
+//! 8 bytes `OMX4D\r\n\x1a`, u32 version 1, u32 length of the header, the header (UTF-8 JSON, keys sorted, no spaces, numbers
+//! written as Python writes them), then six sections, each at the next multiple of 8 and zero padded, little endian:
+//! * `positions` f32 [frames, points, 3]
+//! * `colors` u8 [points, 3]
+//! * `dynamicScore` f32 [points], in 0..1
+//! * `sourceView` u16 [points]
+//! * `cameraPose` f32 [views, 4, 4], camera-to-world
+//! * `intrinsics` f32 [views, 3, 3]
+//!
+//! Axes: x right, y up, z backward, so y and z are negated and poses are `B c2w B`, B = diag(1,−1,−1,1). Points are chosen by
+//! [`super::choose_voxel`] among those offered; they are in the order of their ids, `(source H + y) W + x`.
 
 use std::{
     fmt::Write as _,
@@ -18,6 +23,7 @@ use super::{
     Export,
     atomic::AtomicFile,
     camera::Camera,
+    colour,
     motion::MovingPoints,
     voxel::{VoxelChoice, VoxelOptions, choose_voxel},
 };
@@ -211,26 +217,12 @@ fn poses(points: &MovingPoints, options: &Omx4dOptions) -> Result<Vec<f32>, IoEr
     Ok(poses)
 }
 
-/// A hue for each source image, blended towards red by motion.
+/// A hue for each source image, in 8 bits, blended towards red by motion.
 fn palette(source: u32, score: f32) -> [u8; 3] {
     const MOVING: [f64; 3] = [255.0, 72.0, 86.0];
-    let hue = (0.08 + 0.618_033_988_749_894_9 * f64::from(source)) % 1.0;
-    let (saturation, value) = (0.62, 0.95);
-    let part = (hue * 6.0).fract();
-    let (p, q, t) =
-        (value * (1.0 - saturation), value * (1.0 - saturation * part), value * (1.0 - saturation * (1.0 - part)));
-    let rgb = match (hue * 6.0) as u32 {
-        0 => [value, t, p],
-        1 => [q, value, p],
-        2 => [p, value, t],
-        3 => [p, q, value],
-        4 => [t, p, value],
-        _ => [value, p, q],
-    };
+    let base = colour::hsv((0.08 + 0.618_033_988_749_894_9 * f64::from(source)) % 1.0, 0.62, 0.95);
     let share = 0.45 * f64::from(score);
-    std::array::from_fn(|c| {
-        (rgb[c] * 255.0 * (1.0 - share) + MOVING[c] * share).round_ties_even().clamp(0.0, 255.0) as u8
-    })
+    std::array::from_fn(|c| (f64::from(base[c]) * (1.0 - share) + MOVING[c] * share).round_ties_even() as u8)
 }
 
 /// What the header says beside the sections.

@@ -1,8 +1,8 @@
 //! Points by "dynamic-reserved-voxel-v1" (`omnix.md` section 12): the most dynamic first, the rest spread over space.
 //!
 //! 1. `round_half_even(reserve * n)` of the highest scores at or above the threshold; of equal scores the lower index.
-//! 2. The rest from those left: the box of their positions is cut into `ceil((2 count)^(1/axes))` cells along each axis of extent above 1e-12,
-//!    `cell = min(floor(cells * (p - min) / extent), cells - 1)` in f32; the first index of each occupied cell, in cell order (x slowest).
+//! 2. The rest from those left: the box of their positions is cut into `ceil((2 count)^(1/axes))` cells along each axis of extent
+//!    above 1e-12, `cell = min(floor(cells * (p - min) / extent), cells - 1)` in f32; the first index of each occupied cell, in cell order (x slowest).
 //!    Too many: those at the midpoints of equal intervals, `floor((j + 0.5) m / count)`. Too few: filled the same way from the
 //!    indices still left.
 //!
@@ -38,8 +38,8 @@ pub struct VoxelChoice {
     pub valid: usize,
 }
 
-/// Chooses among points with `scores` \[n\], `positions` at time 0 \[n\]\[3\] and `valid` \[n\] (finite at all times, of a source image that
-/// counts). Points with a score or position that is not finite are never chosen.
+/// Chooses among n points with `scores`, `positions` at time 0 (three each) and `valid` (finite at all times, of a source image
+/// that counts). Points with a score or position that is not finite are never chosen.
 ///
 /// # Panics
 /// If the lengths differ.
