@@ -9,6 +9,7 @@ mod camera;
 mod colour;
 mod depth;
 mod glb;
+pub mod html;
 pub mod manifest;
 pub mod motion;
 mod npz;

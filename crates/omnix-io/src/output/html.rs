@@ -1,0 +1,249 @@
+//! One HTML file that plays points that move, in any browser with WebGL 2, without a network.
+//!
+//! The page is `html/template.html` with its style, three.js (`assets/three`, MIT) and the parts of the viewer
+//! (`html/*.js`) inlined, and the data as script elements that browsers do not run. A content security policy in the page
+//! forbids every connection. All numbers are little-endian, base64 (RFC 4648) where binary:
+//!
+//! | element            | holds                                                                              |
+//! |--------------------|------------------------------------------------------------------------------------|
+//! | `omnix-meta`       | JSON: title, notes, counts, box of positions, views with their cameras and times    |
+//! | `omnix-look`       | u8 × 4 a point: red, green, blue, 255 where the gate let it move                     |
+//! | `omnix-scalars`    | u16 × 4 a point: source view, θ × 65535, confidence on a logarithmic scale, 0        |
+//! | `omnix-path-T`     | u16 × 3 a point that changes place, at time T, in the box of positions              |
+//! | `omnix-still`      | u16 × 3 a point that is in one place at all times                                   |
+//! | `omnix-picture-V`  | the picture of view V, reduced, JPEG                                               |
+//!
+//! Points that change place come first; each half keeps the order of the source. Points with a position that is not finite
+//! are left out and counted. Written as it is encoded: beside the input it needs memory for one picture and 4 bytes a point.
+
+mod encode;
+mod meta;
+
+use std::path::{Path, PathBuf};
+
+use image::{codecs::jpeg::JpegEncoder, imageops};
+
+use super::{atomic::AtomicFile, motion::MovingPoints};
+use crate::{IoError, Picture};
+use encode::{Base64, PositionBox, confidence_code, unit_code};
+
+const TEMPLATE: &str = include_str!("html/template.html");
+const STYLE: &str = include_str!("html/style.css");
+const THREE: &str = include_str!("../../assets/three/three.min.js");
+const THREE_LICENCE: &str = include_str!("../../assets/three/LICENSE");
+/// Classic scripts, in this order, that share one function's scope.
+const VIEWER: [&str; 8] = [
+    include_str!("html/data.js"),
+    include_str!("html/shaders.js"),
+    include_str!("html/points.js"),
+    include_str!("html/trails.js"),
+    include_str!("html/cameras.js"),
+    include_str!("html/stage.js"),
+    include_str!("html/panel.js"),
+    include_str!("html/main.js"),
+];
+
+/// What the page says, and how large its pictures are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HtmlOptions {
+    /// Title of the page, plain text.
+    pub title: String,
+    /// Paragraphs for the page's information, plain text.
+    pub notes: Vec<String>,
+    /// Name of the unit of length.
+    pub unit: String,
+    /// Width of the views' pictures in the page, in pixels; smaller ones are kept as they are.
+    pub thumbnail_width: u32,
+    /// JPEG quality of these pictures, 1 to 100.
+    pub jpeg_quality: u8,
+}
+
+impl Default for HtmlOptions {
+    fn default() -> Self {
+        Self {
+            title: "omnix".into(),
+            notes: Vec::new(),
+            unit: "network scale (not metric)".into(),
+            thumbnail_width: 320,
+            jpeg_quality: 80,
+        }
+    }
+}
+
+/// Writes the page; a file of that name is replaced when the new one is whole. Returns its path.
+///
+/// # Errors
+/// No views, buffers of `points` that do not fit together, a full disk or other failure of writing.
+pub fn write_html(points: &MovingPoints, options: &HtmlOptions, path: &Path) -> Result<PathBuf, IoError> {
+    check(points)?;
+    let order = Order::of(points);
+    let positions = PositionBox::of(points, order.all());
+    let confidence = encode::confidence_range(points, order.all());
+    let meta = meta::meta(points, options, &order, &positions, confidence);
+
+    let mut file = AtomicFile::create(path.to_owned())?;
+    let mut rest = TEMPLATE;
+    for name in ["title", "style", "licence", "data", "three", "viewer"] {
+        let (before, after) = rest
+            .split_once(&format!("<!--omnix:{name}-->"))
+            .expect("BUG: the template of the HTML viewer lacks a place of its own");
+        file.put(before.as_bytes())?;
+        rest = after;
+        match name {
+            "title" => file.put(encode::escape(&options.title).as_bytes())?,
+            "style" => file.put(STYLE.as_bytes())?,
+            "licence" => file.put(THREE_LICENCE.trim().as_bytes())?,
+            "data" => {
+                file.put(format!("<script type=\"application/json\" id=\"omnix-meta\">{meta}</script>\n").as_bytes())?;
+                write_points(&mut file, points, &order, &positions, confidence)?;
+                write_pictures(&mut file, points, options, path)?;
+            }
+            "three" => file.put(THREE.as_bytes())?,
+            _ => VIEWER.iter().try_for_each(|part| file.put(part.as_bytes()))?,
+        }
+    }
+    file.put(rest.as_bytes())?;
+    file.commit()
+}
+
+fn check(points: &MovingPoints) -> Result<(), IoError> {
+    if points.views.is_empty() {
+        return Err(IoError::MissingField { export: "html", missing: "a view", index: 0 });
+    }
+    let n = points.len();
+    let lengths = [
+        ("pixels", points.pixel.len(), n),
+        ("positions", points.positions.len(), points.views.len() * n * 3),
+        ("colours", points.colours.len(), n),
+        ("motion scores", points.motion.len(), n),
+        ("confidence", points.confidence.len(), n),
+        ("gates", points.moving.len(), n),
+    ];
+    for (what, found, expected) in lengths {
+        if found != expected {
+            return Err(IoError::WrongSize { export: "html", what, index: 0, expected, found });
+        }
+    }
+    for &source in &points.source {
+        if source as usize >= points.views.len() {
+            return Err(IoError::MissingField { export: "html", missing: "a view", index: source as usize });
+        }
+    }
+    Ok(())
+}
+
+/// The points of the page, in its order.
+struct Order {
+    /// Indices of the points that are kept.
+    points: Vec<u32>,
+    /// How many of them, from the start, change place.
+    changing: usize,
+}
+
+impl Order {
+    fn of(points: &MovingPoints) -> Self {
+        let times = points.views.len();
+        let place = |time, point| points.position(time, point).map(f32::to_bits);
+        let (mut order, mut still) = (Vec::new(), Vec::new());
+        for point in 0..points.len() {
+            if (0..times).any(|time| points.position(time, point).iter().any(|v| !v.is_finite())) {
+                continue;
+            }
+            let first = place(0, point);
+            let changes = (1..times).any(|time| place(time, point) != first);
+            // A point's number is below 2^32: its source index alone takes four bytes of memory.
+            if changes { &mut order } else { &mut still }.push(point as u32);
+        }
+        let changing = order.len();
+        order.append(&mut still);
+        Self { points: order, changing }
+    }
+
+    fn all(&self) -> impl Iterator<Item = usize> + Clone + '_ {
+        self.points.iter().map(|&point| point as usize)
+    }
+}
+
+fn write_points(
+    file: &mut AtomicFile,
+    points: &MovingPoints,
+    order: &Order,
+    positions: &PositionBox,
+    confidence: [f32; 2],
+) -> Result<(), IoError> {
+    section(file, "omnix-look", |out| {
+        order.all().try_for_each(|point| {
+            let [r, g, b] = points.colours[point];
+            out.put(&[r, g, b, if points.moving[point] { 255 } else { 0 }])
+        })
+    })?;
+    section(file, "omnix-scalars", |out| {
+        order.all().try_for_each(|point| {
+            let source = u16::try_from(points.source[point]).unwrap_or(u16::MAX);
+            let scalars =
+                [source, unit_code(points.motion[point]), confidence_code(points.confidence[point], confidence), 0];
+            scalars.into_iter().try_for_each(|value| out.put(&value.to_le_bytes()))
+        })
+    })?;
+    let (changing, still) = order.points.split_at(order.changing);
+    for time in 0..points.views.len() {
+        section(file, &format!("omnix-path-{time}"), |out| place_all(out, points, positions, time, changing))?;
+    }
+    section(file, "omnix-still", |out| place_all(out, points, positions, 0, still))
+}
+
+fn place_all(
+    out: &mut Base64<'_>,
+    points: &MovingPoints,
+    positions: &PositionBox,
+    time: usize,
+    which: &[u32],
+) -> Result<(), IoError> {
+    which.iter().try_for_each(|&point| {
+        let codes = positions.codes(points.position(time, point as usize));
+        codes.into_iter().try_for_each(|value| out.put(&value.to_le_bytes()))
+    })
+}
+
+fn write_pictures(
+    file: &mut AtomicFile,
+    points: &MovingPoints,
+    options: &HtmlOptions,
+    path: &Path,
+) -> Result<(), IoError> {
+    for (index, view) in points.views.iter().enumerate() {
+        let jpeg = thumbnail(&view.picture, options, path)?;
+        section(file, &format!("omnix-picture-{index}"), |out| out.put(&jpeg))?;
+    }
+    Ok(())
+}
+
+/// The picture, reduced to the options' width, as JPEG.
+fn thumbnail(picture: &Picture, options: &HtmlOptions, path: &Path) -> Result<Vec<u8>, IoError> {
+    let width = options.thumbnail_width.clamp(1, picture.width);
+    let height = ((u64::from(picture.height) * u64::from(width) / u64::from(picture.width)) as u32).max(1);
+    let full = image::RgbImage::from_raw(picture.width, picture.height, picture.data.clone())
+        .expect("BUG: a picture holds width x height x 3 bytes");
+    let small = if width < picture.width { imageops::thumbnail(&full, width, height) } else { full };
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, options.jpeg_quality.clamp(1, 100))
+        .encode_image(&small)
+        .map_err(|e| IoError::write(path, std::io::Error::other(e)))?;
+    Ok(jpeg)
+}
+
+/// A script element that browsers do not run, with what `fill` writes as base64.
+fn section(
+    file: &mut AtomicFile,
+    id: &str,
+    fill: impl FnOnce(&mut Base64<'_>) -> Result<(), IoError>,
+) -> Result<(), IoError> {
+    file.put(format!("<script type=\"application/octet-stream\" id=\"{id}\">").as_bytes())?;
+    let mut out = Base64::new(file);
+    fill(&mut out)?;
+    out.finish()?;
+    file.put(b"</script>\n")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,81 @@
+// Where moving points have just been: a strip for each point and pair of neighbouring times of one video, drawn once for
+// all and cut to the trail in the shader, so that playing changes a number only.
+const Trails = (() => {
+  const MOST = 4000;
+
+  // The same choice at every opening: a seeded shuffle, of which the first so many are shown.
+  function choose(data) {
+    const moving = [];
+    for (let i = 0; i < data.changing; i++) if (data.look[4 * i + 3]) moving.push(i);
+    let state = 42;
+    for (let i = moving.length - 1; i > 0; i--) {
+      state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+      const j = Math.floor((state / 4294967296) * (i + 1));
+      [moving[i], moving[j]] = [moving[j], moving[i]];
+    }
+    return moving.slice(0, MOST);
+  }
+
+  function create(data, shared) {
+    const chosen = choose(data);
+    const steps = data.linked.flatMap((linked, time) => (linked ? [time] : []));
+    const segments = chosen.length * steps.length;
+    const buffers = { start: new Uint16Array(4 * segments), end: new Uint16Array(4 * segments), stamp: new Float32Array(segments), look: new Uint8Array(4 * segments), scalars: new Uint16Array(4 * segments) };
+    let at = 0;
+    for (const point of chosen) {
+      for (const time of steps) {
+        for (let c = 0; c < 4; c++) {
+          buffers.start[4 * at + c] = data.paths[time][4 * point + c];
+          buffers.end[4 * at + c] = data.paths[time + 1][4 * point + c];
+          buffers.look[4 * at + c] = data.look[4 * point + c];
+          buffers.scalars[4 * at + c] = data.scalars[4 * point + c];
+        }
+        buffers.stamp[at++] = time;
+      }
+    }
+    const geometry = new THREE.InstancedBufferGeometry();
+    geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array([0, -1, 0, 1, -1, 0, 1, 1, 0, 0, 1, 0]), 3));
+    geometry.setIndex([0, 1, 2, 0, 2, 3]);
+    for (const name of ['start', 'end', 'look', 'scalars']) geometry.setAttribute(name, new THREE.InstancedBufferAttribute(buffers[name], 4, true));
+    geometry.setAttribute('stamp', new THREE.InstancedBufferAttribute(buffers.stamp, 1));
+    const own = {
+      now: { value: 0 },
+      reach: { value: 6 },
+      times: { value: data.times },
+      viewport: { value: [1, 1] },
+      width: { value: 2 },
+      byTime: { value: true },
+      timeRamp: { value: Shaders.ramp('time') },
+    };
+    const material = new THREE.RawShaderMaterial({
+      glslVersion: THREE.GLSL3,
+      vertexShader: Shaders.trails.vertex,
+      fragmentShader: Shaders.trails.fragment,
+      uniforms: { ...shared, ...own },
+      transparent: true,
+      depthWrite: false,
+      side: THREE.DoubleSide,
+    });
+    const mesh = new THREE.Mesh(geometry, material);
+    mesh.frustumCulled = false;
+    mesh.renderOrder = 2;
+    return {
+      mesh,
+      available: segments > 0 ? chosen.length : 0,
+      setTime: (time) => (own.now.value = time),
+      setViewport(width, height, ratio) {
+        own.viewport.value = [width, height];
+        own.width.value = 1.6 * ratio;
+      },
+      set({ shown, points, reach, byTime }) {
+        geometry.instanceCount = Math.min(points, chosen.length) * steps.length;
+        mesh.visible = shown && geometry.instanceCount > 0;
+        own.reach.value = reach;
+        own.byTime.value = byTime;
+      },
+    };
+  }
+
+  return { create };
+})();
+
