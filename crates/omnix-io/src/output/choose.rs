@@ -83,13 +83,12 @@ fn share_out(count: usize, free: &mut [usize]) -> Vec<usize> {
     while left > 0 {
         let open = free.iter().filter(|&&f| f > 0).count();
         let (each, more) = (left / open, left % open);
-        let mut position = 0;
-        for (share, free) in shares.iter_mut().zip(free.iter_mut()).filter(|(_, f)| **f > 0) {
+        let still_open = shares.iter_mut().zip(free.iter_mut()).filter(|(_, f)| **f > 0);
+        for (position, (share, free)) in still_open.enumerate() {
             let give = (each + usize::from(position < more)).min(*free);
             *share += give;
             *free -= give;
             left -= give;
-            position += 1;
         }
     }
     shares

@@ -382,6 +382,6 @@ fn tensors(header: &Map<String, Value>, start: u64, path: &Path) -> Result<(Vec<
         }
         end = *to;
     }
-    let end = end.checked_add(start).unwrap_or(u64::MAX);
+    let end = end.saturating_add(start);
     Ok((found.into_iter().map(|(spec, from, _)| (spec, start + from)).collect(), end))
 }

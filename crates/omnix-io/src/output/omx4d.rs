@@ -33,7 +33,7 @@ const MAGIC: &[u8; 8] = b"OMX4D\r\n\x1a";
 const VERSION: u32 = 1;
 
 /// Settings of `omx4d`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Omx4dOptions {
     /// Which of the offered points are written.
     pub voxel: VoxelOptions,
@@ -43,12 +43,6 @@ pub struct Omx4dOptions {
     pub palette: bool,
     /// Camera-to-world matrices of the images as the network gave them; without them the extrinsics are inverted.
     pub camera_to_world: Option<Vec<[[f32; 4]; 3]>>,
-}
-
-impl Default for Omx4dOptions {
-    fn default() -> Self {
-        Self { voxel: VoxelOptions::default(), candidate_views: None, palette: false, camera_to_world: None }
-    }
 }
 
 /// A section of the file.
