@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use omnix_shaders::{Access, Shader};
 use rustc_hash::FxHashMap;
 
+use crate::caps::UNIFORM_WINDOW;
 use crate::{Caps, KernelError};
 
 /// A device, its queue, its facts, and a pipeline a shader. Cheap to clone; the host keeps its own handles.
@@ -173,7 +174,8 @@ impl Gpu {
 fn layout_entry(index: usize, access: Access, shader: &Shader) -> wgpu::BindGroupLayoutEntry {
     let (ty, dynamic, min) = match (index, access) {
         (0, _) => (wgpu::BufferBindingType::Uniform, true, wgpu::BufferSize::new(u64::from(shader.params_size))),
-        (_, Access::Uniform) => (wgpu::BufferBindingType::Uniform, false, None),
+        // Windows move by dynamic offset too, so that one bind group serves all windows of a tensor.
+        (_, Access::Uniform) => (wgpu::BufferBindingType::Uniform, true, wgpu::BufferSize::new(UNIFORM_WINDOW)),
         (_, Access::Read) => (wgpu::BufferBindingType::Storage { read_only: true }, false, None),
         (_, Access::ReadWrite) => (wgpu::BufferBindingType::Storage { read_only: false }, false, None),
     };
