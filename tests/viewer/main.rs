@@ -82,6 +82,29 @@ fn plays_pauses_and_starts_over() {
 }
 
 #[test]
+fn holds_still_between_two_videos() {
+    let mut points = scene::moving(1000, 6);
+    for (i, view) in points.views.iter_mut().enumerate() {
+        view.time.video = (i >= 3).into();
+        view.time.time_s = None;
+    }
+    let (_dir, path) = written(&points);
+    let mut page = Page::open(&path, "t=2", WINDOW);
+    let mut at = |time: f64| {
+        page.value(&format!("omnixViewer.setTime({time})"));
+        page.picture()
+    };
+    let [inside, between, end, after] = [1.5, 2.5, 2.0, 3.0].map(&mut at);
+    assert!(end.difference(&between) < 1e-3, "nothing moves from one video to the next");
+    assert!(end.difference(&inside) > 2e-3 && end.difference(&after) > 2e-3);
+    assert_eq!(
+        page.value("[...document.querySelectorAll('.bar option')].map((o) => o.textContent).join()"),
+        "1/s,2/s,3/s,6/s,12/s,24/s,all times,video 0,video 1"
+    );
+    assert_clean(&mut page);
+}
+
+#[test]
 fn draws_every_colouring_and_the_view_of_a_camera() {
     let (_dir, path) = written(&scene::moving(3000, 4));
     let mut page = Page::open(&path, "t=2", WINDOW);

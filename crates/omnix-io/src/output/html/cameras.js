@@ -29,6 +29,8 @@ const Cameras = (() => {
       }
       return { index, frustum, picture, colour, asked: false };
     });
+    // Many outlines on top of each other would hide what lies behind them.
+    const faint = 0.55 * Math.max(0.35, Math.min(1, Math.sqrt(12 / data.times)));
     const accent = new THREE.Color();
     let state = { shown: true, pictures: 'current', scale: 1, current: 0, inside: false };
 
@@ -56,7 +58,7 @@ const Cameras = (() => {
         const shown = state.shown && !state.inside;
         item.frustum.visible = shown;
         item.frustum.material.color.copy(current ? accent : item.colour);
-        item.frustum.material.opacity = current ? 1 : 0.5;
+        item.frustum.material.opacity = current ? 1 : faint;
         item.frustum.renderOrder = current ? 1 : 0;
         item.picture.visible = shown && (state.pictures === 'all' || (state.pictures === 'current' && current));
         item.picture.material.opacity = current ? 1 : 0.8;

@@ -174,8 +174,9 @@ function start(data) {
       Panel.section('Trails', trailsShown.row, Panel.slider('Length', { min: 1, max: Math.max(last, 1), step: 1, value: settings.reach }, (v) => `${v} times`, (reach) => set({ reach })),
         Panel.slider('Points', { min: 0, max: Math.max(trails.available, 1), step: 1, value: settings.trailPoints }, (v) => `${Panel.number(Math.min(v, trails.available))} of ${Panel.number(data.meta.moving)}`, (trailPoints) => set({ trailPoints })), labelled('Colour', trailColour)),
       Panel.section('Cameras', camerasShown.row, follow.row, Panel.slider('Size', { min: 0.1, max: 4, step: 0.1, value: 1 }, (v) => `\u00d7 ${v.toFixed(1)}`, (cameraSize) => set({ cameraSize })), labelled('Images', pictures),
-        Panel.element('div', { className: 'buttons' }, Panel.element('button', { type: 'button', onclick: jump(-1) }, 'From previous'), Panel.element('button', { type: 'button', onclick: jump(1) }, 'From next'),
-          Panel.element('button', { type: 'button', title: 'Key C', onclick: inCamera }, 'From current'), Panel.element('button', { type: 'button', title: 'Key R', onclick: stage.reset }, 'Reset view'))),
+        Panel.element('div', { className: 'field' }, Panel.element('span', {}, 'View from camera'), Panel.element('span'), Panel.element('div', { className: 'buttons' },
+          Panel.element('button', { type: 'button', onclick: jump(-1) }, 'Previous'), Panel.element('button', { type: 'button', title: 'Key C', onclick: inCamera }, 'Current'),
+          Panel.element('button', { type: 'button', onclick: jump(1) }, 'Next'), Panel.element('button', { type: 'button', className: 'all', title: 'Key R', onclick: stage.reset }, 'Reset view')))),
       Panel.facts(data, cameras.count),
     );
     return { colouring, movingOnly, trails: trailsShown, cameras: camerasShown, follow };

@@ -68,7 +68,7 @@ const Panel = (() => {
   function facts(data, cameras) {
     const { meta } = data;
     const rows = [
-      ['Points', number(meta.points)], ['let move by the gate', number(meta.moving)], ['changing place', number(meta.changing)],
+      ['Points', number(meta.points)], ['Let move by the gate', number(meta.moving)], ['Changing place', number(meta.changing)],
       ['Left out (not finite)', number(meta.left_out)], ['Times', number(data.times)], ['Videos', number(new Set(meta.views.map((v) => v.video)).size)], ['Cameras', number(cameras)],
       ['Confidence', meta.confidence.map((c) => c.toPrecision(3)).join(' to ')],
       ['Position step', (Math.max(...data.extent) / 65535).toPrecision(2)],

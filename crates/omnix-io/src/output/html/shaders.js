@@ -96,6 +96,7 @@ in vec4 end;
 in float stamp;
 uniform float now;
 uniform float reach;
+uniform float since;
 uniform float times;
 uniform vec2 viewport;
 uniform float width;
@@ -105,7 +106,7 @@ out vec4 colour;
 void main() {
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   colour = vec4(0.0);
-  float first = clamp(now - reach - stamp, 0.0, 1.0);
+  float first = clamp(max(now - reach, since) - stamp, 0.0, 1.0);
   float last = clamp(now - stamp, 0.0, 1.0);
   if (last <= first || hiddenPoint()) return;
   vec4 a = modelViewMatrix * vec4(low + extent * mix(start.xyz, end.xyz, first), 1.0);

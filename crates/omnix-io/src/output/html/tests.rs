@@ -98,7 +98,7 @@ fn base64_of_every_length() {
     {
         assert_eq!(encode(text.as_bytes()), code);
     }
-    let long: Vec<u8> = (0..50_000u32).map(|i| (i * i >> 3) as u8).collect();
+    let long: Vec<u8> = (0..50_000u32).map(|i| ((i * i) >> 3) as u8).collect();
     assert_eq!(decode(&encode(&long)), long);
 }
 

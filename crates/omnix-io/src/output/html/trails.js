@@ -41,6 +41,7 @@ const Trails = (() => {
     const own = {
       now: { value: 0 },
       reach: { value: 6 },
+      since: { value: 0 },
       times: { value: data.times },
       viewport: { value: [1, 1] },
       width: { value: 2 },
@@ -62,7 +63,12 @@ const Trails = (() => {
     return {
       mesh,
       available: segments > 0 ? chosen.length : 0,
-      setTime: (time) => (own.now.value = time),
+      // The trail does not reach back into another video; across two videos the earlier time holds.
+      setTime(time) {
+        const index = Math.floor(time);
+        own.now.value = data.linked[index] ? time : index;
+        own.since.value = data.runs.find((run) => index <= run.last).first;
+      },
       setViewport(width, height, ratio) {
         own.viewport.value = [width, height];
         own.width.value = 1.6 * ratio;
