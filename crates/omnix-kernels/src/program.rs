@@ -68,7 +68,10 @@ impl Program {
         let params = gpu.buffer("parameters", bytes, usage)?;
         let mut image = vec![0u8; bytes as usize];
         let mut steps = Vec::with_capacity(dispatches.len());
-        #[expect(clippy::mutable_key_type, reason = "a buffer is hashed and compared by its identity, which never changes")]
+        #[expect(
+            clippy::mutable_key_type,
+            reason = "a buffer is hashed and compared by its identity, which never changes"
+        )]
         let mut known: FxHashMap<(&str, &str, Places), wgpu::BindGroup> = FxHashMap::default();
         for (i, (dispatch, args)) in dispatches.into_iter().enumerate() {
             let at = i * PARAMS_STRIDE as usize;
