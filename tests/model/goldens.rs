@@ -124,7 +124,7 @@ fn head(case: &Case) {
         tapped(case, &["head.proj", "head.resized", "head.rn", "head.fuse", "head.neck", "head.main", "head.aux"]);
     // The OmniX goldens' `head.` tensors are another head's.
     let maps = if case.has("head.merged0") { Vec::new() } else { maps };
-    let spec = HeadSpec { frames: 1, grid: case.grid, rays: true };
+    let spec = HeadSpec { frames: 1, grid: case.grid, rays: true, points: false };
     let mut recorded = Graph::with_taps(maps.iter().map(|(ours, _)| ours.clone()));
     case.network.head(&mut recorded, &spec).unwrap();
     let mut plain = Graph::new();
@@ -260,7 +260,7 @@ fn nano_from_pictures_to_depth() {
     close("feat.3", first(3), &case.f32("feat.3"));
 
     let mut g = Graph::new();
-    let spec = HeadSpec { frames: 1, grid: case.grid, rays: true };
+    let spec = HeadSpec { frames: 1, grid: case.grid, rays: true, points: false };
     let head = case.network.head(&mut g, &spec).unwrap();
     let inputs = [("feat.0", first(0)), ("feat.1", first(1)), ("feat.2", first(2)), ("feat.3", first(3))];
     let g = fuse(&g);

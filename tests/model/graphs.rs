@@ -53,7 +53,7 @@ fn outputs_have_their_shapes() {
             assert_eq!(declared(&g), ["feat.0", "feat.1", "feat.2", "feat.3", "cam.pose_enc"]);
 
             let mut g = Graph::new();
-            let head = network.head(&mut g, &HeadSpec { frames: images, grid, rays: true }).unwrap();
+            let head = network.head(&mut g, &HeadSpec { frames: images, grid, rays: true, points: false }).unwrap();
             assert!(head.features.iter().all(|f| dims(&g, *f) == [images, p, 2 * c]));
             assert_eq!(dims(&g, head.depth), [images, hw[0], hw[1]]);
             assert_eq!(dims(&g, head.confidence), [images, hw[0], hw[1]]);
@@ -85,9 +85,9 @@ fn parameters_are_those_of_the_manifest() {
             let network = Network::new(config.clone());
             let mut g = Graph::new();
             network.backbone(&mut g, &BackboneSpec { cameras_given: given_cameras, ..spec(3, (2, 3)) }).unwrap();
-            network.head(&mut g, &HeadSpec { frames: 1, grid: (2, 3), rays }).unwrap();
+            network.head(&mut g, &HeadSpec { frames: 1, grid: (2, 3), rays, points: false }).unwrap();
             let mut recorded = parameters(&g);
-            let manifest = manifest(&config, &Parts { rays, given_cameras });
+            let manifest = manifest(&config, &Parts { rays, given_cameras, motion: false });
             for expected in manifest.expected() {
                 match recorded.remove(&expected.name) {
                     Some(shape) => assert_eq!(shape, expected.shape, "{}", expected.name),
@@ -106,7 +106,7 @@ fn without_rays_nothing_of_their_branch_is_recorded() {
     let network = Network::new(NetworkConfig::small());
     let record = |rays| {
         let mut g = Graph::new();
-        network.head(&mut g, &HeadSpec { frames: 1, grid: (20, 36), rays }).unwrap();
+        network.head(&mut g, &HeadSpec { frames: 1, grid: (20, 36), rays, points: false }).unwrap();
         g
     };
     let (plain, with_rays) = (record(false), record(true));
@@ -154,7 +154,7 @@ fn fusion_leaves_no_pointwise_work_in_blocks() {
 fn fusion_leaves_little_pointwise_work_in_the_head() {
     let network = Network::new(NetworkConfig::small());
     let mut g = Graph::new();
-    network.head(&mut g, &HeadSpec { frames: 2, grid: (5, 7), rays: true }).unwrap();
+    network.head(&mut g, &HeadSpec { frames: 2, grid: (5, 7), rays: true, points: false }).unwrap();
     let fused = fuse(&g);
     assert_eq!(count(&fused, |op| matches!(op, Op::Unary { op: Unary::Relu, .. })), 0);
     // Three exponentials' worth: depth, and two confidences with their + 1.
@@ -268,7 +268,7 @@ fn requests_that_cannot_be_met() {
     assert!(message(&omnix, &selected).contains("takes the first image"));
     let times = BackboneSpec { times: vec![(0, 0)], ..base() };
     assert!(message(&omnix, &times).contains("a frame number for each of 3 images"));
-    let head = da3.head(&mut Graph::new(), &HeadSpec { frames: 0, grid: (2, 3), rays: false });
+    let head = da3.head(&mut Graph::new(), &HeadSpec { frames: 0, grid: (2, 3), rays: false, points: false });
     assert!(matches!(head, Err(ModelError::Request { .. })));
     let mut config = fixture::config("tiny-a");
     config.head.features = 0;

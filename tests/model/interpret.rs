@@ -32,7 +32,9 @@ pub(crate) fn run<'a>(graph: &'a Graph, inputs: &[(&str, &[f32])], parameter: &d
                 let all = parameter(&p.name);
                 assert_eq!(all.len(), p.full.elements(), "{}", p.name);
                 let row = p.full.elements() / p.full[0];
-                all[p.rows.start * row..p.rows.end * row].to_vec()
+                let columns = p.columns.clone().unwrap_or(0..row);
+                let rows = all[p.rows.start * row..p.rows.end * row].chunks_exact(row);
+                rows.flat_map(|r| &r[columns.clone()]).copied().collect()
             }
             Source::Node(_) | Source::Reshape(_) => continue,
         };

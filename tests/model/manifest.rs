@@ -23,7 +23,7 @@ fn published_networks_have_their_number_of_parameters() {
         (NetworkConfig::giant(), [1_136_489_216, 50_114_878, 114_533_376, 18_908_169], 1_355_674_125 - 35_628_486, 0),
     ];
     for (config, parts, total, tensors) in rows {
-        let manifest = manifest(&config, &Parts { rays: true, given_cameras: true });
+        let manifest = manifest(&config, &Parts { rays: true, given_cameras: true, motion: true });
         for (start, expected) in ["backbone.", "head.", "cam_enc.", "cam_dec."].into_iter().zip(parts) {
             assert_eq!(count(&manifest, start).1, expected, "{} {start}", config.name);
         }
@@ -57,7 +57,7 @@ fn lists_of_real_files_agree() {
         let list = fixture::json(&format!("{name}.tensors"));
         let mut found: BTreeMap<String, Vec<usize>> = serde_json::from_value(list).unwrap();
         let config = fixture::config(name);
-        let manifest = manifest(&config, &Parts { rays: true, given_cameras: true });
+        let manifest = manifest(&config, &Parts { rays: true, given_cameras: true, motion: true });
         for expected in manifest.expected() {
             assert_eq!(found.remove(&expected.name).as_ref(), Some(&expected.shape), "{name} {}", expected.name);
         }
@@ -79,11 +79,10 @@ fn real_checkpoints_pass() {
         let checkpoint = Checkpoint::open(&folder).unwrap();
         let config = NetworkConfig::from_json(checkpoint.config_json()).unwrap();
         let given_cameras = config.camera_encoder.is_some();
-        let report = check(&checkpoint, &manifest(&config, &Parts { rays: true, given_cameras }));
+        let report = check(&checkpoint, &manifest(&config, &Parts { rays: true, given_cameras, motion: true }));
         assert!(report.is_usable(), "{report}");
         assert!(report.surplus.is_empty(), "{report}");
-        let expected = config.left_out.iter().flat_map(|part| part.prefixes());
-        for prefix in expected {
+        for prefix in config.left_out.iter().flat_map(|part| part.prefixes()) {
             assert!(report.ignored.iter().any(|name| name.starts_with(prefix)), "{prefix} of {}", folder.display());
         }
     }

@@ -22,7 +22,7 @@ fn backbone(config: NetworkConfig, images: usize, parts: usize) -> Plan {
 
 fn head(config: NetworkConfig, rays: bool) -> Plan {
     let mut g = Graph::new();
-    Network::new(config).head(&mut g, &HeadSpec { frames: 1, grid: GRID, rays }).unwrap();
+    Network::new(config).head(&mut g, &HeadSpec { frames: 1, grid: GRID, rays, points: false }).unwrap();
     Plan::new(&g, &Caps::lavapipe(), &PlanOptions::default()).unwrap()
 }
 

@@ -22,4 +22,4 @@ pub use pose::{
     rotation_from_quaternion, tum_from_c2w,
 };
 pub use rays::{RayCamera, RayMaps, cameras_from_rays, sample_table};
-pub use unproject::{PixelCentre, points_from_depth, points_from_rays, project, resize_intrinsics};
+pub use unproject::{PixelCentre, corner_rays, points_from_depth, points_from_rays, project, resize_intrinsics};

@@ -65,6 +65,26 @@ pub fn points_from_rays(rays: &[f32], depth: &[f32]) -> Result<Vec<[f32; 3]>, Ge
     Ok(points.map(|([dx, dy, dz, ox, oy, oz], z)| [ox + z * dx, oy + z * dy, oz + z * dz]).collect())
 }
 
+/// Rays of the four corner pixels (0, 0), (W-1, 0), (0, H-1), (W-1, H-1) of a picture, whole-number pixel centres: for each
+/// `R K^-1 (u, v, 1)` and the camera's centre, six numbers in the world. Direction is linear in u and v, so bilinear
+/// interpolation between the corners gives every pixel's ray, and `X = origin + depth * direction` is
+/// [`points_from_depth`].
+///
+/// # Errors
+/// Intrinsics without inverse.
+pub fn corner_rays(camera: &Camera, [height, width]: [usize; 2]) -> Result<[f32; 24], GeometryError> {
+    let inverse = invert_intrinsics(&camera.intrinsics)?;
+    let Rigid { rotation, translation } = Rigid::from_rows(&camera.extrinsics).inverse();
+    let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
+    let mut rays = [0.0; 24];
+    for (ray, [u, v]) in rays.chunks_exact_mut(6).zip([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]]) {
+        let direction = rotation * (inverse * DVec3::new(u, v, 1.0));
+        ray[..3].copy_from_slice(&direction.as_vec3().to_array());
+        ray[3..].copy_from_slice(&translation.as_vec3().to_array());
+    }
+    Ok(rays)
+}
+
 /// Image coordinates and depth (u, v, z) of a world point; u and v are meaningless where z <= 0.
 ///
 /// With [`PixelCentre::Half`] the result is in index coordinates too: the centre of the pixel (j, i) gives (j, i).

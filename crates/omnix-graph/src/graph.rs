@@ -1,5 +1,6 @@
 //! Values, nodes and the graph that holds them.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
@@ -68,7 +69,8 @@ impl fmt::Display for Shape {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Value(pub(crate) u32);
 
-/// A tensor of the checkpoint, or some of its leading rows (the q, k, v parts of one matrix).
+/// A tensor of the checkpoint, or a block of it: some leading rows (the q, k, v parts of one matrix), some columns (what
+/// one of several inputs side by side is multiplied by).
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Parameter {
     /// Name as the [`crate::ParameterSource`] knows it.
@@ -77,8 +79,36 @@ pub struct Parameter {
     pub full: Shape,
     /// Rows of its first dimension that this value stands for.
     pub rows: Range<usize>,
+    /// Columns, where it does not stand for whole rows; the tensor is a matrix then.
+    pub columns: Option<Range<usize>>,
     /// Stored as f32 even where the plan stores matrices as f16.
     pub keep_f32: bool,
+}
+
+impl Parameter {
+    /// The shape of the block.
+    #[must_use]
+    pub fn shape(&self) -> Shape {
+        let mut dims = self.full.to_vec();
+        if let Some(first) = dims.first_mut() {
+            *first = self.rows.len();
+        }
+        if let (Some(columns), Some(last)) = (&self.columns, dims.last_mut()) {
+            *last = columns.len();
+        }
+        Shape::from(dims.as_slice())
+    }
+
+    /// The numbers of the block, out of all of the tensor's.
+    #[must_use]
+    pub fn block<'a>(&self, all: &'a [f32]) -> Cow<'a, [f32]> {
+        let row: usize = self.full.get(1..).map_or(1, |rest| rest.iter().product());
+        let rows = &all[self.rows.start * row..self.rows.end * row];
+        match &self.columns {
+            None => Cow::Borrowed(rows),
+            Some(columns) => rows.chunks_exact(row).flat_map(|r| &r[columns.clone()]).copied().collect(),
+        }
+    }
 }
 
 /// Where a value comes from.
@@ -207,12 +237,19 @@ impl Graph {
     pub fn parameter(&mut self, name: &str, shape: impl Into<Shape>) -> Value {
         let full = shape.into();
         let rows = 0..full.first().copied().unwrap_or(1);
-        self.add_parameter(Parameter { name: name.into(), full, rows, keep_f32: false })
+        self.add_parameter(Parameter { name: name.into(), full, rows, columns: None, keep_f32: false })
     }
 
     /// Some leading rows of a tensor of the checkpoint, such as the q part of a qkv matrix.
     pub fn parameter_rows(&mut self, name: &str, full: impl Into<Shape>, rows: Range<usize>) -> Value {
-        self.add_parameter(Parameter { name: name.into(), full: full.into(), rows, keep_f32: false })
+        self.add_parameter(Parameter { name: name.into(), full: full.into(), rows, columns: None, keep_f32: false })
+    }
+
+    /// Some columns of a matrix `[n, k]` of the checkpoint. A linear layer over inputs side by side is a sum of layers
+    /// over each of them: so nobody has to put them side by side.
+    pub fn parameter_columns(&mut self, name: &str, [n, k]: [usize; 2], columns: Range<usize>) -> Value {
+        let full = Shape::from([n, k]);
+        self.add_parameter(Parameter { name: name.into(), full, rows: 0..n, columns: Some(columns), keep_f32: false })
     }
 
     /// Stores a parameter as f32 whatever the plan stores: for the few matrices on whose accuracy everything else
@@ -228,12 +265,8 @@ impl Graph {
         if let Some(index) = known {
             return Value(index as u32);
         }
-        let mut dims = parameter.full.to_vec();
-        if let Some(first) = dims.first_mut() {
-            *first = parameter.rows.len();
-        }
         let name = parameter.name.to_string();
-        self.add(name, Shape::from(dims.as_slice()), Source::Parameter(parameter))
+        self.add(name, parameter.shape(), Source::Parameter(parameter))
     }
 
     /// A table known at recording time.

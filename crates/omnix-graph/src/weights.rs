@@ -45,33 +45,25 @@ pub struct WeightKey {
 const MAX_BLOCK: u64 = 16;
 
 impl WeightKey {
-    fn dims(&self) -> Vec<usize> {
-        let mut dims = self.parameter.full.to_vec();
-        if let Some(first) = dims.first_mut() {
-            *first = self.parameter.rows.len();
-        }
-        dims
-    }
-
     /// Bytes on the device.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        let elements = self.dims().iter().product::<usize>() as u64;
+        let dims = self.parameter.shape();
+        let elements = dims.elements() as u64;
         let bytes = match self.packing {
             Packing::Plain => elements * 4,
             Packing::Repeat => elements * 4 * MAX_BLOCK,
-            Packing::Matrix(form, storage) => packed_shape(&self.dims(), form, storage).bytes() - UNIFORM_WINDOW,
+            Packing::Matrix(form, storage) => packed_shape(&dims, form, storage).bytes() - UNIFORM_WINDOW,
         };
         round_up(bytes, 256)
     }
 
     /// The stored bytes, from all numbers of the checkpoint's tensor.
     fn pack(&self, all: &[f32]) -> Vec<u8> {
-        let row: usize = self.parameter.full.get(1..).map_or(1, |rest| rest.iter().product());
-        let data = &all[self.parameter.rows.start * row..self.parameter.rows.end * row];
-        let dims = self.dims();
+        let (dims, data) = (self.parameter.shape(), self.parameter.block(all));
+        let row: usize = dims.get(1..).map_or(1, |rest| rest.iter().product());
         match self.packing {
-            Packing::Plain => bytemuck::cast_slice(data).to_vec(),
+            Packing::Plain => bytemuck::cast_slice(&data).to_vec(),
             Packing::Repeat => bytemuck::cast_slice(&data.repeat(MAX_BLOCK as usize)).to_vec(),
             Packing::Matrix(form, storage) => {
                 let shape = packed_shape(&dims, form, storage);

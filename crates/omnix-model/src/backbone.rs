@@ -15,6 +15,7 @@ use omnix_graph::{Graph, Value};
 use omnix_weights::Scope;
 
 pub(crate) use block::{Block, Span};
+pub(crate) use rope::table as rope_table;
 pub use spec::{BackboneOutputs, BackboneSpec, Reference, ReferenceChoice};
 
 use crate::config::NetworkConfig;

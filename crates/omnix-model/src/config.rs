@@ -8,11 +8,16 @@ mod check;
 mod da3;
 mod fields;
 mod omnix;
+mod trajectory;
 
 use serde_json::Value;
 
 use crate::ModelError;
 use fields::Fields;
+pub(crate) use trajectory::RIGID;
+pub use trajectory::{
+    FieldKind, MotionGate, Rounding, SampledScore, SamplingConfig, TimeGain, TokenFeatures, TrajectoryConfig,
+};
 
 /// Which published design a network follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,8 +151,6 @@ pub enum PointsFrom {
 pub enum LeftOut {
     /// `gs_head.`: Gaussians.
     GaussianHead,
-    /// `st_mod.`, `offset_head.`: trajectories.
-    Trajectory,
 }
 
 impl LeftOut {
@@ -156,7 +159,6 @@ impl LeftOut {
     pub const fn prefixes(self) -> &'static [&'static str] {
         match self {
             Self::GaussianHead => &["gs_head."],
-            Self::Trajectory => &["st_mod.", "offset_head."],
         }
     }
 
@@ -165,7 +167,6 @@ impl LeftOut {
     pub const fn note(self) -> &'static str {
         match self {
             Self::GaussianHead => "the checkpoint's Gaussian head is not used: this version makes no Gaussians",
-            Self::Trajectory => "the checkpoint's trajectory module is not used: this version makes geometry only",
         }
     }
 }
@@ -187,6 +188,8 @@ pub struct NetworkConfig {
     pub camera_encoder: Option<CameraEncoderConfig>,
     /// Where world points come from.
     pub points: PointsFrom,
+    /// Trajectories, if it makes any.
+    pub trajectory: Option<TrajectoryConfig>,
     /// What the checkpoint has beyond this.
     pub left_out: Vec<LeftOut>,
 }

@@ -42,6 +42,21 @@ pub(crate) fn linear_rows(
     g.linear(x, weight, Some(bias))
 }
 
+/// What the inputs in `columns` of a layer over inputs side by side add to its output: `x Wᵀ` with those columns of W
+/// (its shape is `full`), with the bias if asked for.
+pub(crate) fn linear_columns(
+    g: &mut Graph,
+    at: &Scope,
+    x: Value,
+    full: [usize; 2],
+    columns: Range<usize>,
+    bias: bool,
+) -> Result<Value, GraphError> {
+    let weight = g.parameter_columns(&at.name("weight"), full, columns);
+    let bias = bias.then(|| g.parameter(&at.name("bias"), [full[0]]));
+    g.linear(x, weight, bias)
+}
+
 /// Layer norm over the last axis.
 pub(crate) fn layer_norm(g: &mut Graph, at: &Scope, x: Value, eps: f32) -> Result<Value, GraphError> {
     let c = g.shape(x).width();
@@ -87,6 +102,14 @@ pub(crate) fn scaled_residual(g: &mut Graph, at: &Scope, x: Value, residual: Val
     let gamma = g.parameter(&at.name("gamma"), [g.shape(x).width()]);
     let scaled = g.zip(Binary::Mul, x, gamma)?;
     g.add_values(scaled, residual)
+}
+
+/// `x + at.scale · branch`, or `x + branch` where a network has no layer scale.
+pub(crate) fn branch(g: &mut Graph, at: Option<&Scope>, branch: Value, x: Value) -> Result<Value, GraphError> {
+    match at {
+        Some(at) => scaled_residual(g, at, branch, x),
+        None => g.add_values(branch, x),
+    }
 }
 
 /// Bilinear with corners on corners, the only resizing in the heads.

@@ -4,10 +4,12 @@
 //! the ray branch's outputs are in every published file and are never read. The layer norm that the four levels
 //! share is read under level 0's name, the only one published files hold; files that hold all four have copies.
 
+mod trajectory;
+
 use omnix_weights::{Manifest, Requirement, Scope};
 
 use crate::PATCH;
-use crate::config::{BackboneConfig, CameraEncoderConfig, FeedForward, HeadConfig, NetworkConfig};
+use crate::config::{BackboneConfig, CameraEncoderConfig, FeedForward, HeadConfig, NetworkConfig, PointsFrom};
 
 /// What will be asked of the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,6 +18,8 @@ pub struct Parts {
     pub rays: bool,
     /// Cameras that the caller gives.
     pub given_cameras: bool,
+    /// Trajectories.
+    pub motion: bool,
 }
 
 /// The tensors of the network `config`, by logical name.
@@ -24,9 +28,16 @@ pub fn manifest(config: &NetworkConfig, parts: &Parts) -> Manifest {
     let mut list = List { manifest: Manifest::new(), requirement: Requirement::Required };
     backbone(&mut list, &config.backbone);
     let wide = config.backbone.feature_width();
-    dense_head(&mut list, &config.head, wide, parts.rays);
+    // Points follow the rays, and trajectories start at points.
+    let rays = parts.rays || parts.motion && config.points == PointsFrom::Rays;
+    dense_head(&mut list, &config.head, wide, rays);
     list.requirement = Requirement::Required;
     camera_decoder(&mut list, wide);
+    if let Some(trajectory) = &config.trajectory {
+        list.requirement = when(parts.motion);
+        trajectory::module(&mut list, trajectory, wide);
+        trajectory::sampling_head(&mut list, trajectory, wide);
+    }
     if let Some(encoder) = &config.camera_encoder {
         list.requirement = when(parts.given_cameras);
         camera_encoder(&mut list, encoder, config.backbone.width);
@@ -102,10 +113,9 @@ fn transformer_block(list: &mut List, at: &Scope, c: usize, ffn: FeedForward) {
     list.add(at.name("ls2.gamma"), &[c]);
 }
 
-fn dense_head(list: &mut List, config: &HeadConfig, wide: usize, rays: bool) {
-    let HeadConfig { features: f, channels, aux_convs, .. } = *config;
-    let head = Scope::root().pp("head");
-    let at = head.pp("scratch");
+/// What both heads have between the features and the last layer, which makes `out` numbers of `hidden`.
+fn main_branch(list: &mut List, head: &Scope, wide: usize, f: usize, channels: [usize; 4], last: [usize; 2]) {
+    let ([hidden, out], at) = (last, head.pp("scratch"));
     list.layer(&head.pp("norm"), &[wide]);
     for (k, c) in channels.into_iter().enumerate() {
         list.layer(&head.pp("projects").pp(k), &[c, wide, 1, 1]);
@@ -116,8 +126,15 @@ fn dense_head(list: &mut List, config: &HeadConfig, wide: usize, rays: bool) {
     }
     fusion(list, &at, "", f);
     list.layer(&at.pp("output_conv1"), &[f / 2, f, 3, 3]);
-    list.layer(&at.pp("output_conv2.0"), &[32, f / 2, 3, 3]);
-    list.layer(&at.pp("output_conv2.2"), &[2, 32, 1, 1]);
+    list.layer(&at.pp("output_conv2.0"), &[hidden, f / 2, 3, 3]);
+    list.layer(&at.pp("output_conv2.2"), &[out, hidden, 1, 1]);
+}
+
+fn dense_head(list: &mut List, config: &HeadConfig, wide: usize, rays: bool) {
+    let HeadConfig { features: f, channels, aux_convs, .. } = *config;
+    let head = Scope::root().pp("head");
+    let at = head.pp("scratch");
+    main_branch(list, &head, wide, f, channels, [32, 2]);
 
     list.requirement = when(rays);
     fusion(list, &at, "_aux", f);

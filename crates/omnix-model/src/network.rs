@@ -3,8 +3,10 @@
 use omnix_graph::Graph;
 
 use crate::backbone::{self, BackboneOutputs, BackboneSpec, ReferenceChoice};
-use crate::config::{Family, NetworkConfig};
+use crate::config::{Family, NetworkConfig, TrajectoryConfig};
 use crate::dpt::{self, HeadOutputs, HeadSpec};
+use crate::motion::{self, MotionOutputs, MotionSpec};
+use crate::sampling::{self, SamplingOutputs, SamplingSpec};
 use crate::{ModelError, PATCH};
 
 /// A network that records itself into graphs.
@@ -60,8 +62,7 @@ impl Network {
             return request("given cameras".to_owned(), format!("{name} has no camera encoder; leave them out"));
         }
         if self.config.backbone.time.is_some() && spec.times.len() != spec.images {
-            let cure = format!("{name} needs a video and a frame number for each of {} images", spec.images);
-            return request(format!("{} times", spec.times.len()), cure);
+            return Err(self.times_missing(spec.times.len(), spec.images));
         }
         let blocks = self.config.backbone.blocks;
         if let Some(layer) = spec.export_layers.iter().find(|l| **l >= blocks) {
@@ -73,11 +74,53 @@ impl Network {
     /// Records the head for a chunk of frames.
     ///
     /// # Errors
-    /// [`ModelError::Request`] for no frames or an empty grid.
+    /// [`ModelError::Request`] for no frames or an empty grid, or points of a network that makes none.
     pub fn head(&self, g: &mut Graph, spec: &HeadSpec) -> Result<HeadOutputs, ModelError> {
         self.config.check()?;
         check_grid(spec.frames, spec.grid, "frames")?;
+        if spec.points && self.config.family != Family::OmniX {
+            let cure = format!("{} makes depth and cameras; OmniX networks make points", self.config.name);
+            return Err(ModelError::Request { what: "world points".to_owned(), cure });
+        }
         dpt::record(g, &self.config, spec)
+    }
+
+    /// Records the spatiotemporal module over all images: features and points to a field.
+    ///
+    /// # Errors
+    /// [`ModelError::Request`] when the network has no such module, or for numbers that do not fit.
+    pub fn motion(&self, g: &mut Graph, spec: &MotionSpec) -> Result<MotionOutputs, ModelError> {
+        let trajectory = self.trajectory()?;
+        check_grid(spec.images, spec.grid, "images")?;
+        if spec.times.len() != spec.images {
+            return Err(self.times_missing(spec.times.len(), spec.images));
+        }
+        motion::record(g, trajectory, self.config.backbone.feature_width(), spec)
+    }
+
+    /// Records the sampling head for a chunk of frames: where their pixels read the field.
+    ///
+    /// # Errors
+    /// As [`Network::motion`].
+    pub fn sampling(&self, g: &mut Graph, spec: &SamplingSpec) -> Result<SamplingOutputs, ModelError> {
+        let trajectory = self.trajectory()?;
+        check_grid(spec.frames, spec.grid, "frames")?;
+        check_grid(spec.times, spec.grid, "target times")?;
+        sampling::record(g, trajectory, self.config.backbone.feature_width(), spec)
+    }
+
+    /// The trajectory module of a configuration that has been checked.
+    fn trajectory(&self) -> Result<&TrajectoryConfig, ModelError> {
+        self.config.check()?;
+        self.config.trajectory.as_ref().ok_or_else(|| ModelError::Request {
+            what: "trajectories".to_owned(),
+            cure: format!("{} makes geometry only; take an OmniX network with a trajectory module", self.config.name),
+        })
+    }
+
+    fn times_missing(&self, found: usize, images: usize) -> ModelError {
+        let cure = format!("{} needs a video and a frame number for each of {images} images", self.config.name);
+        ModelError::Request { what: format!("{found} times"), cure }
     }
 }
 

@@ -181,7 +181,9 @@ pub(crate) fn backbone_spec(weights: &Weights, request: &Request) -> BackboneSpe
 
 fn plan_head(weights: &Weights, request: &Request, caps: &Caps, frames: usize) -> Result<Plan, OmnixError> {
     let mut graph = Graph::new();
-    weights.network().head(&mut graph, &HeadSpec { frames, grid: request.grid(), rays: request.rays })?;
+    weights
+        .network()
+        .head(&mut graph, &HeadSpec { frames, grid: request.grid(), rays: request.rays, points: false })?;
     let options = PlanOptions { storage: request.storage, ..PlanOptions::default() };
     Ok(Plan::new(&graph, caps, &options)?)
 }

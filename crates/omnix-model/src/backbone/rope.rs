@@ -26,12 +26,14 @@ impl Rope {
 pub(super) fn tables(g: &mut Graph, config: &BackboneConfig, grid: (usize, usize)) -> Option<Rope> {
     config.rope_from?;
     let (rows, columns) = (grid.0 as u32, grid.1 as u32);
-    let mut table = |name: &str, positions: &[(u32, u32)]| {
-        let data = interleave(&rope_tables(positions, config.head_dim(), config.rope_base));
-        g.constant(name, [positions.len(), config.head_dim()], data)
-    };
-    let local = table("rope.local", &local_positions(rows, columns));
-    Some(Rope { local, global: table("rope.global", &global_positions(rows, columns)) })
+    let (width, base) = (config.head_dim(), config.rope_base);
+    let local = table(g, "rope.local", &local_positions(rows, columns), width, base);
+    Some(Rope { local, global: table(g, "rope.global", &global_positions(rows, columns), width, base) })
+}
+
+/// A row for each position, for heads of `width` channels: `[positions, width]`.
+pub(crate) fn table(g: &mut Graph, name: &str, positions: &[(u32, u32)], width: usize, base: f64) -> Value {
+    g.constant(name, [positions.len(), width], interleave(&rope_tables(positions, width, base)))
 }
 
 /// Rows of cosines then sines, as the kernel wants them.

@@ -8,8 +8,11 @@ pub(super) const WIDEST: usize = 1 << 16;
 /// Likewise for the number of blocks.
 const DEEPEST: usize = 1 << 10;
 /// Channels of a head are padded to vectors of 8, and kept in registers.
-const HEAD_STEP: usize = 8;
-const HEAD_WIDEST: usize = 128;
+pub(super) const HEAD_STEP: usize = 8;
+pub(super) const HEAD_WIDEST: usize = 128;
+
+/// Complains unless the first holds: field, its value, what is allowed.
+pub(super) type Need<'a> = &'a dyn Fn(bool, &'static str, &dyn std::fmt::Debug, String) -> Result<(), ModelError>;
 
 /// Field names of our own format and of the published one.
 const LABELS: [(&str, &str); 10] = [
@@ -90,6 +93,9 @@ impl NetworkConfig {
             need(width.is_multiple_of(heads), "backbone.embed_dim", &width, {
                 format!("the camera encoder needs a multiple of {heads}")
             })?;
+        }
+        if let Some(trajectory) = &self.trajectory {
+            super::trajectory::check::check(trajectory, self.backbone.feature_width(), &need)?;
         }
         Ok(())
     }

@@ -109,6 +109,7 @@ fn assemble(
         head: HeadConfig { features, channels, aux_convs: AUX_CONVS, logit_clamp: None },
         camera_encoder,
         points: PointsFrom::Camera,
+        trajectory: None,
         left_out,
     }
 }

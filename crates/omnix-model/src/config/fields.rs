@@ -91,6 +91,36 @@ impl<'a> Fields<'a> {
         })
     }
 
+    /// Whole numbers.
+    pub(crate) fn wholes(&self, name: &str) -> Result<Vec<usize>, ModelError> {
+        self.read(name, "a list of whole numbers is needed", |v| {
+            v.as_array()?.iter().map(|n| usize::try_from(n.as_u64()?).ok()).collect()
+        })
+    }
+
+    /// Whole numbers; none where the field is absent.
+    pub(crate) fn wholes_or_none(&self, name: &str) -> Result<Vec<usize>, ModelError> {
+        if self.get(name).is_some() { self.wholes(name) } else { Ok(Vec::new()) }
+    }
+
+    /// So many numbers.
+    pub(crate) fn numbers<const N: usize>(&self, name: &str) -> Result<[f32; N], ModelError> {
+        self.read(name, &format!("{N} numbers are needed"), |v| {
+            let items = v.as_array()?.iter().map(|n| Some(n.as_f64()? as f32)).collect::<Option<Vec<_>>>()?;
+            items.try_into().ok()
+        })
+    }
+
+    /// True or false.
+    pub(crate) fn truth(&self, name: &str) -> Result<bool, ModelError> {
+        self.read(name, "true or false is needed", serde_json::Value::as_bool)
+    }
+
+    /// True or false; `default` where the field is absent.
+    pub(crate) fn flag(&self, name: &str, default: bool) -> Result<bool, ModelError> {
+        if self.get(name).is_some() { self.truth(name) } else { Ok(default) }
+    }
+
     /// A number.
     pub(crate) fn number(&self, name: &str) -> Result<f64, ModelError> {
         self.read(name, "a number is needed", Value::as_f64)

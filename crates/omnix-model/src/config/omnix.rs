@@ -1,7 +1,7 @@
-//! The format `omnix-1` (`spec/omnix.md` section 1.1). The trajectory's part is kept as it is: another module's business.
+//! The format `omnix-1` (`spec/omnix.md` section 1.1); the trajectory's part is in [`super::trajectory`].
 
 use super::fields::Fields;
-use super::{BackboneConfig, Family, FeedForward, HeadConfig, LeftOut, NetworkConfig, PointsFrom, TimeConfig};
+use super::{BackboneConfig, Family, FeedForward, HeadConfig, NetworkConfig, PointsFrom, TimeConfig, trajectory};
 use crate::{ModelError, PATCH};
 
 const FIELDS: [&str; 8] =
@@ -36,12 +36,9 @@ pub(super) fn read(root: &Fields<'_>) -> Result<NetworkConfig, ModelError> {
         0 => PointsFrom::Rays,
         _ => PointsFrom::Camera,
     };
-    let left_out = match root.get("trajectory") {
-        Some(_) => {
-            root.object("trajectory")?;
-            vec![LeftOut::Trajectory]
-        }
-        None => Vec::new(),
+    let trajectory = match root.get("trajectory") {
+        Some(_) => Some(trajectory::read::read(&root.object("trajectory")?)?),
+        None => None,
     };
     Ok(NetworkConfig {
         name: name.to_owned(),
@@ -51,7 +48,8 @@ pub(super) fn read(root: &Fields<'_>) -> Result<NetworkConfig, ModelError> {
         head: head(&root.object("depth_head")?)?,
         camera_encoder: None,
         points,
-        left_out,
+        trajectory,
+        left_out: Vec::new(),
     })
 }
 

@@ -10,9 +10,9 @@ use omnix_weights::Scope;
 use super::Head;
 use crate::layers::{conv3, pointwise_conv, relu, resize};
 
-impl Head<'_> {
+impl Head {
     /// The main chain (`suffix` empty) or the ray branch's (`_aux`): `[frames, 8gh, 8gw, F]`.
-    pub(super) fn fuse(&self, g: &mut Graph, levels: [Value; 4], suffix: &str) -> Result<Value, GraphError> {
+    pub(crate) fn fuse(&self, g: &mut Graph, levels: [Value; 4], suffix: &str) -> Result<Value, GraphError> {
         let mut fused: Option<Value> = None;
         for k in (0..4).rev() {
             let step = self.at.pp("scratch").pp(format_args!("refinenet{}{suffix}", k + 1));
@@ -24,7 +24,7 @@ impl Head<'_> {
                 }
             };
             let y = unit(g, &step.pp("resConfUnit2"), y)?;
-            let y = pointwise_conv(g, &step.pp("out_conv"), y, self.config.features)?;
+            let y = pointwise_conv(g, &step.pp("out_conv"), y, self.features)?;
             let (rows, columns) = match k {
                 0 => self.fine(),
                 _ => (g.shape(levels[k - 1])[1], g.shape(levels[k - 1])[2]),

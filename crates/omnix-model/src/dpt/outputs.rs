@@ -11,21 +11,26 @@ const HIDDEN: usize = 32;
 /// Eps of the norm in the ray branch.
 const AUX_EPS: f32 = 1e-5;
 /// Direction and origin.
-const RAY: usize = 6;
+pub(super) const RAY: usize = 6;
 
-impl Head<'_> {
-    /// Outputs `depth` and `depth_conf`, `[frames, H, W]`.
-    pub(super) fn main(&self, g: &mut Graph, fused: Value) -> Result<(Value, Value), GraphError> {
-        let (at, half, [height, width]) = (self.at.pp("scratch"), self.config.features / 2, self.picture());
+impl Head {
+    /// From the finest fused map to the picture's size, up to the last layer: `[frames, H, W, hidden]`.
+    pub(crate) fn at_picture_size(&self, g: &mut Graph, fused: Value, hidden: usize) -> Result<Value, GraphError> {
+        let (at, half, [height, width]) = (self.at.pp("scratch"), self.features / 2, self.picture());
         let neck = conv3(g, &at.pp("output_conv1"), fused, half, 1)?;
         g.name(neck, "head.neck");
         let code = uv::map(g, (height, width), half, self.picture())?;
         let x = resize(g, neck, height, width)?;
         let x = g.add_values(x, code)?;
         g.name(x, "head.main.in");
-        let x = conv3(g, &at.pp("output_conv2.0"), x, HIDDEN, 1)?;
-        let x = relu(g, x);
-        let logits = pointwise_conv(g, &at.pp("output_conv2.2"), x, 2)?;
+        let x = conv3(g, &at.pp("output_conv2.0"), x, hidden, 1)?;
+        Ok(relu(g, x))
+    }
+
+    /// Outputs `depth` and `depth_conf`, `[frames, H, W]`.
+    pub(super) fn main(&self, g: &mut Graph, fused: Value) -> Result<(Value, Value), GraphError> {
+        let x = self.at_picture_size(g, fused, HIDDEN)?;
+        let logits = pointwise_conv(g, &self.at.pp("scratch.output_conv2.2"), x, 2)?;
         g.name(logits, "head.main.logits");
         let depth = self.exponential(g, logits, 0)?;
         g.output(depth, "depth");
@@ -34,12 +39,12 @@ impl Head<'_> {
         Ok((depth, confidence))
     }
 
-    /// Outputs `ray` `[frames, 8gh, 8gw, 6]` and `ray_conf` `[frames, 8gh, 8gw]`.
-    pub(super) fn rays(&self, g: &mut Graph, fused: Value) -> Result<(Value, Value), GraphError> {
-        let (at, features) = (self.at.pp("scratch"), self.config.features);
+    /// Rays `[frames, 8gh, 8gw, 6]` and their confidence `[frames, 8gh, 8gw]`.
+    pub(super) fn rays(&self, g: &mut Graph, fused: Value, convs: usize) -> Result<(Value, Value), GraphError> {
+        let (at, features) = (self.at.pp("scratch"), self.features);
         let mut x = fused;
         // No activation between them; zero padding keeps them from being one convolution.
-        for i in 0..self.config.aux_convs {
+        for i in 0..convs {
             let out = if i % 2 == 0 { features / 2 } else { features };
             x = conv3(g, &at.pp("output_conv1_aux.3").pp(i), x, out, 1)?;
         }
@@ -54,9 +59,7 @@ impl Head<'_> {
         let logits = pointwise_conv(g, &at.pp("output_conv2_aux.3.5"), x, RAY + 1)?;
         g.name(logits, "head.aux.logits");
         let ray = g.slice(logits, 3, 0, RAY)?;
-        g.output(ray, "ray");
         let confidence = self.confidence(g, logits, RAY)?;
-        g.output(confidence, "ray_conf");
         Ok((ray, confidence))
     }
 
@@ -65,7 +68,7 @@ impl Head<'_> {
         let shape = g.shape(logits)[..3].to_vec();
         let x = g.slice(logits, 3, channel, 1)?;
         let x = g.reshape(x, shape.as_slice())?;
-        let op = match self.config.logit_clamp {
+        let op = match self.clamp {
             Some(limit) => Unary::ExpClamped { low: -limit, high: limit },
             None => Unary::Exp,
         };
@@ -73,7 +76,7 @@ impl Head<'_> {
     }
 
     /// `exp + 1` of a channel.
-    fn confidence(&self, g: &mut Graph, logits: Value, channel: usize) -> Result<Value, GraphError> {
+    pub(crate) fn confidence(&self, g: &mut Graph, logits: Value, channel: usize) -> Result<Value, GraphError> {
         let x = self.exponential(g, logits, channel)?;
         Ok(g.map(Unary::ScaleShift { s: 1.0, t: 1.0 }, x))
     }

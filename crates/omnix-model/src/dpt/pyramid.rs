@@ -8,9 +8,9 @@ use crate::layers::{conv_transpose, conv3, conv3_plain, layer_norm, pointwise_co
 /// Eps of the norm shared by the four features.
 const NORM_EPS: f32 = 1e-5;
 
-impl Head<'_> {
+impl Head {
     /// `feat.k` `[frames, P, 2C]` to `head.rn1..4`: 4, 2, 1 and a half times the patch grid (the last rounded up).
-    pub(super) fn pyramid(&self, g: &mut Graph, features: [Value; 4]) -> Result<[Value; 4], GraphError> {
+    pub(crate) fn pyramid(&self, g: &mut Graph, features: [Value; 4]) -> Result<[Value; 4], GraphError> {
         let mut levels = features;
         for (k, level) in levels.iter_mut().enumerate() {
             let map = self.projected(g, *level, k)?;
@@ -19,11 +19,11 @@ impl Head<'_> {
                 0 => conv_transpose(g, &resize, map, 4)?,
                 1 => conv_transpose(g, &resize, map, 2)?,
                 2 => map,
-                _ => conv3(g, &resize, map, self.config.channels[k], 2)?,
+                _ => conv3(g, &resize, map, self.channels[k], 2)?,
             };
             g.name(map, &format!("head.resized{k}"));
             let name = format!("layer{}_rn", k + 1);
-            let map = conv3_plain(g, &self.at.pp("scratch").pp(name), map, self.config.features)?;
+            let map = conv3_plain(g, &self.at.pp("scratch").pp(name), map, self.features)?;
             *level = g.name(map, &format!("head.rn{}", k + 1));
         }
         Ok(levels)
@@ -31,7 +31,7 @@ impl Head<'_> {
 
     /// Norm, projection to the level's channels, UV code.
     fn projected(&self, g: &mut Graph, feature: Value, k: usize) -> Result<Value, GraphError> {
-        let ((rows, columns), c) = (self.grid, self.config.channels[k]);
+        let ((rows, columns), c) = (self.grid, self.channels[k]);
         let normed = layer_norm(g, &self.at.pp("norm"), feature, NORM_EPS)?;
         let map = pointwise_conv(g, &self.at.pp("projects").pp(k), normed, c)?;
         g.name(map, &format!("head.proj{k}"));

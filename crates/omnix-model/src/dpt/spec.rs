@@ -11,6 +11,9 @@ pub struct HeadSpec {
     pub grid: (usize, usize),
     /// Whether ray maps are wanted; they double the work.
     pub rays: bool,
+    /// Whether world points and what tokens take from them are wanted (OmniX): for trajectories. They follow the rays, or
+    /// the camera where the configuration says so.
+    pub points: bool,
 }
 
 /// The outputs of a recorded head; all are declared as outputs of the graph.
@@ -24,4 +27,11 @@ pub struct HeadOutputs {
     pub confidence: Value,
     /// `ray`: `[frames, 8gh, 8gw, 6]`, direction then origin; `ray_conf`: `[frames, 8gh, 8gw]`.
     pub rays: Option<(Value, Value)>,
+    /// The input `camera_rays` `[frames, 2, 2, 6]` where points follow the camera: direction and origin at the four
+    /// corners of the picture ([`omnix_geometry::corner_rays`]).
+    pub camera_rays: Option<Value>,
+    /// `points`: `[frames, H, W, 3]` in the world.
+    pub points: Option<Value>,
+    /// `traj.point_tokens`: `[frames, P, d]`, where tokens take points.
+    pub point_tokens: Option<Value>,
 }

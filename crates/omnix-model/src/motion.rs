@@ -1,0 +1,98 @@
+//! The spatiotemporal module (`spec/omnix.md` sections 5 to 7): features of all images to a sparse field of motion.
+//!
+//! One graph over the whole collection. Tokens F `[T, L, d]` are made once; the K of each image that are likeliest to move
+//! are followed to every target time. Their stream is `z [target time, source image, token, d]`: target time first, so that
+//! queries that see one image alone are neighbours and nothing is ever turned round until the finished field is written
+//! source first, as pixels read it. The goldens' `traj.z0` and so on have source and target the other way.
+//!
+//! Memory: z is the largest value, T·T·K·d, and exists twice. Queries of a block, their feed-forward rows and the field's
+//! hidden rows go in chunks of whole target times ([`MotionSpec::parts`]); keys and values of a block depend on F alone.
+
+mod block;
+mod field;
+mod tokens;
+
+use omnix_graph::{Graph, Value};
+use omnix_weights::Scope;
+
+use crate::ModelError;
+use crate::config::{SampledScore, TrajectoryConfig};
+
+/// What the spatiotemporal module is asked for.
+#[derive(Clone, Debug)]
+pub struct MotionSpec {
+    /// Images of the collection, T: sources and target times.
+    pub images: usize,
+    /// Patch rows and columns.
+    pub grid: (usize, usize),
+    /// Video and frame number of every image.
+    pub times: Vec<(u32, u32)>,
+}
+
+impl MotionSpec {
+    /// Patches of an image, L.
+    #[must_use]
+    pub fn patches(&self) -> usize {
+        self.grid.0 * self.grid.1
+    }
+
+    /// `PlanOptions::parts` with which nothing but the stream grows with the square of the number of images: a chunk is
+    /// one target time.
+    #[must_use]
+    pub fn parts(&self) -> usize {
+        self.images
+    }
+}
+
+/// The recorded module; the last three are declared as outputs of the graph.
+#[derive(Clone, Debug)]
+pub struct MotionOutputs {
+    /// The inputs `feat.0` to `feat.3` `[T, L, C]`; where tokens are made of the last feature, it alone.
+    pub features: Vec<Value>,
+    /// The input `traj.point_tokens` `[T, L, d]`, where tokens take points.
+    pub point_tokens: Option<Value>,
+    /// `field` `[T source, M, T target, L, 9]`.
+    pub field: Value,
+    /// `mask` `[T, L]`: 1 for tokens that were followed, else 0; or the probability, where that is what pixels sample.
+    pub mask: Value,
+    /// `traj.score` `[T, L]`: the probability of motion.
+    pub score: Value,
+}
+
+/// Where the module's tensors are.
+fn root() -> Scope {
+    Scope::root().pp("st_mod")
+}
+
+/// Records everything up to the field.
+pub(crate) fn record(
+    g: &mut Graph,
+    config: &TrajectoryConfig,
+    wide: usize,
+    spec: &MotionSpec,
+) -> Result<MotionOutputs, ModelError> {
+    let made = tokens::record(g, config, wide, spec)?;
+    let score = tokens::score(g, config, spec, made.tokens)?;
+    let chosen = tokens::choose(g, config, spec, score)?;
+    let codes = tokens::codes(g, config, spec)?;
+    let mut z = tokens::expand(g, config, spec, made.tokens, &chosen, codes)?;
+    let memory = block::Memory::new(g, config, spec, made.tokens, &chosen)?;
+    let mut levels = Vec::with_capacity(config.levels());
+    for i in 0..config.blocks {
+        z = block::record(g, config, spec, i, &memory, z)?;
+        g.name(z, &format!("traj.z{}", i + 1));
+        if config.field_blocks.contains(&i) {
+            levels.push(field::level(g, config, levels.len(), z)?);
+        }
+    }
+    let field = field::record(g, config, spec, &levels, chosen.places)?;
+    let mask = match config.sampled_score {
+        SampledScore::Mask => chosen.mask,
+        // Another name for the same numbers.
+        SampledScore::Score => g.reshape(score, [spec.images, spec.patches()])?,
+    };
+    g.output(field, "field");
+    g.output(mask, "mask");
+    g.output(score, "traj.score");
+    Ok(MotionOutputs { features: made.features, point_tokens: made.point_tokens, field, mask, score })
+}

@@ -1,0 +1,89 @@
+//! The sampling head (`spec/omnix.md` 8.1): where each pixel of an image reads the field, how much of it, how sure it is.
+//!
+//! Images do not see each other: a graph over a few of them, as the dense head. The field of an image becomes an embedding of
+//! its cells ([`embed`]), which is merged into the four features; the pyramid, fusion chain and neck are those of the dense
+//! head with other tensors. The three last layers are rows of one matrix: their results are wanted apart, and apart they
+//! need no copy.
+
+mod embed;
+
+use omnix_graph::{Graph, Value};
+use omnix_weights::Scope;
+
+use crate::ModelError;
+use crate::config::{RIGID, TrajectoryConfig};
+use crate::dpt::Head;
+use crate::layers::linear_rows;
+
+/// What the sampling head is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SamplingSpec {
+    /// Images of this chunk.
+    pub frames: usize,
+    /// Target times of the field.
+    pub times: usize,
+    /// Patch rows and columns.
+    pub grid: (usize, usize),
+}
+
+/// The recorded head; the last three are declared as outputs of the graph.
+#[derive(Clone, Debug)]
+pub struct SamplingOutputs {
+    /// The inputs `feat.0` to `feat.3` `[frames, P, C]`.
+    pub features: [Value; 4],
+    /// The input `field` `[frames, M, T, L, 9]`.
+    pub field: Value,
+    /// The input `mask` `[frames, L]`.
+    pub mask: Value,
+    /// `offsets` `[frames, H, W, 2 M Q]`: in cells, x then y of point q of level l at `(l · Q + q) · 2`.
+    pub offsets: Value,
+    /// `weights` `[frames, H, W, M Q]`, a pixel's sum to 1.
+    pub weights: Value,
+    /// `traj_conf` `[frames, H, W]`: at least 1, the same for all target times.
+    pub confidence: Value,
+}
+
+/// Where the head's tensors are.
+fn root() -> Scope {
+    Scope::root().pp("offset_head")
+}
+
+/// Records the head of a chunk of images.
+pub(crate) fn record(
+    g: &mut Graph,
+    config: &TrajectoryConfig,
+    wide: usize,
+    spec: &SamplingSpec,
+) -> Result<SamplingOutputs, ModelError> {
+    let SamplingSpec { frames, times, grid } = *spec;
+    let cells = grid.0 * grid.1;
+    let features: [Value; 4] = std::array::from_fn(|k| g.input(&format!("feat.{k}"), [frames, cells, wide]));
+    let field = g.input("field", [frames, config.levels(), times, cells, RIGID]);
+    let mask = g.input("mask", [frames, cells]);
+    let merged = embed::merge(g, config, features, field, mask)?;
+
+    let sampling = &config.head;
+    let head = Head {
+        at: root(),
+        features: sampling.features,
+        channels: sampling.channels,
+        clamp: sampling.logit_clamp,
+        frames,
+        grid,
+    };
+    let levels = head.pyramid(g, merged)?;
+    let fused = head.fuse(g, levels, "")?;
+    let x = head.at_picture_size(g, fused, sampling.hidden)?;
+    let points = config.samples();
+    let at = root().pp("scratch.output_conv2.2");
+    let full = [3 * points + 1, sampling.hidden, 1, 1];
+    let offsets = linear_rows(g, &at, x, full[0], 0..2 * points, &full)?;
+    g.output(offsets, "offsets");
+    let weights = linear_rows(g, &at, x, full[0], 2 * points..3 * points, &full)?;
+    let weights = g.softmax(weights);
+    g.output(weights, "weights");
+    let confidence = linear_rows(g, &at, x, full[0], 3 * points..full[0], &full)?;
+    let confidence = head.confidence(g, confidence, 0)?;
+    g.output(confidence, "traj_conf");
+    Ok(SamplingOutputs { features, field, mask, offsets, weights, confidence })
+}
