@@ -7,6 +7,7 @@
 mod case;
 mod collect;
 mod geometry;
+mod motion;
 mod network;
 mod preprocess;
 

@@ -11,18 +11,13 @@ use omnix_tests::gpu;
 
 use crate::case::{Case, Comparison, Tensor};
 use crate::collect::Folder;
+use crate::motion::{self, Before};
 
-/// Parts that later issues bring: trajectories, the Gaussian head, and what the reference derives from them.
-const LATER: &[&str] = &[
+/// What is compared elsewhere or belongs to no part that exists: the trajectory module's ([`crate::motion`]), the Gaussian head's.
+const ELSEWHERE: &[&str] = &[
     "traj.",
     "tau",
     "moved",
-    "head.statistics",
-    "head.field_embedding",
-    "head.mask_embedding",
-    "head.merged",
-    "head.offsets",
-    "head.weights",
     "headout.raw_gs",
     "out.gaussians",
     "out.pixel_score",
@@ -62,7 +57,8 @@ pub(crate) fn run(
             let headline = *storage == WeightType::F32;
             let label = if headline { stem.clone() } else { format!("{stem} f16") };
             one(&weights, &case, &stem, *storage, &mut |name, got, want| {
-                total.compare(&format!("{label} {name}"), got, want, *limit, headline);
+                let limit = if !headline && motion::SAMPLED.contains(&name) { 2.0 * limit } else { *limit };
+                total.compare(&format!("{label} {name}"), got, want, limit, headline);
             })
             .map_err(|e| format!("{label}: {e}"))?;
         }
@@ -92,7 +88,7 @@ fn our_name(recorded: &str) -> String {
     }
 }
 
-type Report<'a> = &'a mut dyn FnMut(&str, &[f32], &[f32]);
+pub(crate) type Report<'a> = &'a mut dyn FnMut(&str, &[f32], &[f32]);
 
 fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: Report<'_>) -> Result<(), String> {
     let images = case.get("in.images").or_else(|| case.get("in.image_normalised")).ok_or("no input images")?;
@@ -104,7 +100,7 @@ fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: 
     let taps: Vec<String> = wanted.keys().cloned().collect();
     let text = |e: &dyn std::fmt::Display| e.to_string();
 
-    let times = match (case.get("in.video"), case.get("in.frame")) {
+    let times: Vec<_> = match (case.get("in.video"), case.get("in.frame")) {
         (Some(video), Some(frame)) => video.data.iter().zip(&frame.data).map(|(v, f)| (*v as u32, *f as u32)).collect(),
         _ => (0..count as u32).map(|i| (0, i)).collect(),
     };
@@ -115,7 +111,7 @@ fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: 
         grid,
         reference: reference(weights, case, stem),
         cameras_given: cameras.is_some(),
-        times,
+        times: times.clone(),
         export_layers: layers,
     };
     let mut graph = Graph::with_taps(taps.clone());
@@ -129,8 +125,12 @@ fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: 
     }
     backbone.run(&mut |_, _| ControlFlow::Continue(())).map_err(|e| text(&e))?;
 
+    let moves = weights.network().config().trajectory.is_some();
     let mut graph = Graph::with_taps(taps);
-    weights.network().head(&mut graph, &HeadSpec { frames: count, grid, rays: true }).map_err(|e| text(&e))?;
+    weights
+        .network()
+        .head(&mut graph, &HeadSpec { frames: count, grid, rays: true, points: moves })
+        .map_err(|e| text(&e))?;
     let head = prepare(weights, &graph, storage).map_err(|e| text(&e))?;
     for k in 0..4 {
         let name = format!("feat.{k}");
@@ -139,10 +139,11 @@ fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: 
     }
     head.run(&mut |_, _| ControlFlow::Continue(())).map_err(|e| text(&e))?;
     compare(&wanted, &backbone, &head, count, report)?;
-    decoded_cameras(case, &backbone, height, width, report)
+    decoded_cameras(case, &backbone, height, width, report)?;
+    motion::run(weights, case, storage, &Before { backbone: &backbone, head: &head, times, grid }, report)
 }
 
-fn prepare(weights: &Weights, graph: &Graph, storage: WeightType) -> Result<Executable, OmnixError> {
+pub(crate) fn prepare(weights: &Weights, graph: &Graph, storage: WeightType) -> Result<Executable, OmnixError> {
     let plan = Plan::new(graph, &gpu().caps, &PlanOptions { storage, ..PlanOptions::default() })?;
     let store = WeightStore::load(gpu(), weights, &plan.weights, &mut |_, _| ControlFlow::Continue(()))?;
     Ok(Executable::new(gpu(), plan, &store, &Bindings::default())?)
@@ -150,11 +151,12 @@ fn prepare(weights: &Weights, graph: &Graph, storage: WeightType) -> Result<Exec
 
 /// Recorded tensors of parts that exist, by our name.
 fn expected(case: &Case) -> BTreeMap<String, &Tensor> {
-    let later = |name: &str| LATER.iter().any(|l| name.starts_with(l));
+    let elsewhere = |name: &str| ELSEWHERE.iter().any(|l| name.starts_with(l));
     let derived = |name: &str| matches!(name, "out.extrinsics" | "out.intrinsics" | "out.camera_to_world");
     // The head names of an OmniX case belong to its sampling head, which stands on other features.
     let sampling = |name: &str| name.starts_with("head.") && case.get("in.image_u8").is_some();
-    let wanted = case.tensors.iter().filter(|(n, _)| !n.starts_with("in.") && !later(n) && !derived(n) && !sampling(n));
+    let wanted =
+        case.tensors.iter().filter(|(n, _)| !n.starts_with("in.") && !elsewhere(n) && !derived(n) && !sampling(n));
     wanted.map(|(name, tensor)| (our_name(name), tensor)).collect()
 }
 
