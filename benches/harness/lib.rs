@@ -2,12 +2,16 @@
 //!
 //! `cargo bench -p omnix-benches --bench kernels [-- [--test] [--tier software|baseline|gpu] [FILTER]]`; `--test` runs each
 //! case once, a filter keeps the cases whose "kernel case" contains it. `OMNIX_DEVICE` picks the device.
+//!
+//! `--serve` is for tools/compare, which measures several programs in turn: every line of standard input is a filter, and
+//! its cases are measured once (one run of a tenth of a second) and answered by a JSON object a case and an empty line.
 
-use std::io::Write as _;
+use std::io::{BufRead as _, Write as _};
 
 use omnix_kernels::bench::{Ceilings, Effort, time};
 use omnix_kernels::run::{HostArg, upload};
 use omnix_kernels::{Dispatch, Gpu, KernelError, Tier, adapter};
+use serde_json::json;
 
 /// What a case is measured by.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +27,8 @@ pub enum Work {
 pub struct Options {
     /// Run each case once, without measuring the ceilings.
     pub test: bool,
+    /// Take filters from standard input, answer in JSON.
+    pub serve: bool,
     /// Another family of variants than the device's own.
     pub tier: Option<Tier>,
     /// A part of "kernel case".
@@ -40,6 +46,7 @@ impl Options {
         while let Some(arg) = args.next() {
             match arg.as_str() {
                 "--test" => options.test = true,
+                "--serve" => options.serve = true,
                 // Cargo adds it.
                 "--bench" => {}
                 "--tier" => {
@@ -51,7 +58,7 @@ impl Options {
                     });
                 }
                 filter if !filter.starts_with('-') => options.filter = Some(filter.to_owned()),
-                other => return Err(format!("unknown argument {other}; there are --test, --tier TIER and a filter")),
+                other => return Err(format!("unknown argument {other}; there are --test, --serve, --tier TIER and a filter")),
             }
         }
         Ok(options)
@@ -80,9 +87,15 @@ impl Bench {
             gpu = gpu.with_caps(gpu.caps.clone().with_tier(tier));
         }
         let info = adapter.get_info();
-        say(&format!("{} ({}), {} variants\n", info.name, info.driver_info, gpu.caps.tier));
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let ceilings = (software && !options.test).then(Ceilings::measure);
+        if options.serve {
+            let (flops, copy) = (ceilings.map(|c| c.flops), ceilings.map(|c| c.copy));
+            let driver = format!("{} ({})", info.name, info.driver_info);
+            say(&json!({ "device": driver, "tier": gpu.caps.tier.to_string(), "flops": flops, "copy": copy }).to_string());
+            return Ok(Self { gpu, options, ceilings });
+        }
+        say(&format!("{} ({}), {} variants\n", info.name, info.driver_info, gpu.caps.tier));
         if let Some(c) = &ceilings {
             say(&format!(
                 "Ceilings, best of 5 by processor time, {} threads: {:.0} GFLOP/s ({}), copy {:.1} GB/s (read + written).\n\
@@ -118,8 +131,24 @@ impl Bench {
         args: &[HostArg<'_>],
     ) -> Result<(), KernelError> {
         let args = upload(&self.gpu, args)?;
-        let effort = if self.options.test { Effort::ONCE } else { Effort::TABLE };
+        let effort = match &self.options {
+            options if options.test => Effort::ONCE,
+            options if options.serve => Effort { runs: 1, ..Effort::TABLE },
+            _ => Effort::TABLE,
+        };
         let timing = time(&self.gpu, dispatches, &args, effort)?;
+        if self.options.serve {
+            let (flops, bytes) = match work {
+                Work::Flops(n) => (Some(n), None),
+                Work::Bytes(n) => (None, Some(n)),
+            };
+            let (wall, quiet, first) = (timing.wall, timing.cpu, timing.first);
+            say(&json!({
+                "name": format!("{kernel} {case}"), "wall": wall, "quiet": quiet, "first": first, "flops": flops, "bytes": bytes,
+            })
+            .to_string());
+            return Ok(());
+        }
         let (amount, unit, ceiling) = match work {
             Work::Flops(n) => (n as f64, "GFLOP/s", self.ceilings.map(|c| c.flops)),
             Work::Bytes(n) => (n as f64, "GB/s", self.ceilings.map(|c| c.copy)),
@@ -136,6 +165,24 @@ impl Bench {
             part(quiet.unwrap_or(timing.wall)),
             timing.first * 1e3,
         ));
+        Ok(())
+    }
+}
+
+impl Bench {
+    /// Runs `cases` with the filter of the command line, or with every line of standard input as filter (`--serve`).
+    ///
+    /// # Errors
+    /// As [`Bench::case`].
+    pub fn run(&mut self, cases: &dyn Fn(&Self) -> Result<(), KernelError>) -> Result<(), KernelError> {
+        if !self.options.serve {
+            return cases(self);
+        }
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            self.options.filter = Some(line);
+            cases(self)?;
+            say("");
+        }
         Ok(())
     }
 }

@@ -22,28 +22,33 @@ mod traj_apply;
 mod trajectory;
 
 use omnix_benches::{Bench, Options};
+use omnix_kernels::KernelError;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let bench = Bench::new(Options::from_args()?)?;
-    linear::run(&bench)?;
-    attention::run(&bench)?;
-    layer_norm::run(&bench)?;
-    split_heads::run(&bench)?;
-    softmax::run(&bench)?;
-    reduce::run(&bench)?;
-    conv2d::run(&bench)?;
-    resize::run(&bench)?;
-    copy::run(&bench)?;
-    pointwise::run(&bench)?;
-    swiglu::run(&bench)?;
-    gather::run(&bench)?;
-    scatter::run(&bench)?;
-    top_k::run(&bench)?;
-    reference_view::run(&bench)?;
-    token_expand::run(&bench)?;
-    field_scatter::run(&bench)?;
-    deform_sample::run(&bench)?;
-    traj_apply::run(&bench)?;
-    trajectory::run(&bench)?;
+    Bench::new(Options::from_args()?)?.run(&all)?;
+    Ok(())
+}
+
+fn all(bench: &Bench) -> Result<(), KernelError> {
+    linear::run(bench)?;
+    attention::run(bench)?;
+    layer_norm::run(bench)?;
+    split_heads::run(bench)?;
+    softmax::run(bench)?;
+    reduce::run(bench)?;
+    conv2d::run(bench)?;
+    resize::run(bench)?;
+    copy::run(bench)?;
+    pointwise::run(bench)?;
+    swiglu::run(bench)?;
+    gather::run(bench)?;
+    scatter::run(bench)?;
+    top_k::run(bench)?;
+    reference_view::run(bench)?;
+    token_expand::run(bench)?;
+    field_scatter::run(bench)?;
+    deform_sample::run(bench)?;
+    traj_apply::run(bench)?;
+    trajectory::run(bench)?;
     Ok(())
 }

@@ -28,6 +28,11 @@ impl RandomWeights {
         let manifest = omnix_model::manifest(config, &Parts::default());
         Self { shapes: manifest.expected().iter().map(|e| (e.name.clone(), e.shape.clone())).collect() }
     }
+
+    /// Names and shapes of all tensors, in the order of their names.
+    pub fn shapes(&self) -> impl Iterator<Item = (&str, &[usize])> {
+        self.shapes.iter().map(|(name, shape)| (name.as_str(), shape.as_slice()))
+    }
 }
 
 impl ParameterSource for RandomWeights {
