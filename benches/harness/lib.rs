@@ -58,7 +58,11 @@ impl Options {
                     });
                 }
                 filter if !filter.starts_with('-') => options.filter = Some(filter.to_owned()),
-                other => return Err(format!("unknown argument {other}; there are --test, --serve, --tier TIER and a filter")),
+                other => {
+                    return Err(format!(
+                        "unknown argument {other}; there are --test, --serve, --tier TIER and a filter"
+                    ));
+                }
             }
         }
         Ok(options)
@@ -92,7 +96,8 @@ impl Bench {
         if options.serve {
             let (flops, copy) = (ceilings.map(|c| c.flops), ceilings.map(|c| c.copy));
             let driver = format!("{} ({})", info.name, info.driver_info);
-            say(&json!({ "device": driver, "tier": gpu.caps.tier.to_string(), "flops": flops, "copy": copy }).to_string());
+            say(&json!({ "device": driver, "tier": gpu.caps.tier.to_string(), "flops": flops, "copy": copy })
+                .to_string());
             return Ok(Self { gpu, options, ceilings });
         }
         say(&format!("{} ({}), {} variants\n", info.name, info.driver_info, gpu.caps.tier));

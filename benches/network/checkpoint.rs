@@ -22,10 +22,8 @@ pub(crate) fn write(dir: &Path, config: &NetworkConfig, weights: &RandomWeights)
     for (name, shape) in weights.shapes() {
         let begin = end;
         end += shape.iter().product::<usize>() * 4;
-        header.insert(
-            format!("{PREFIX}{name}"),
-            json!({ "dtype": "F32", "shape": shape, "data_offsets": [begin, end] }),
-        );
+        header
+            .insert(format!("{PREFIX}{name}"), json!({ "dtype": "F32", "shape": shape, "data_offsets": [begin, end] }));
     }
     let mut header = serde_json::to_vec(&header)?;
     // Numbers start on a multiple of 8.

@@ -1,6 +1,6 @@
 //! The networks: configurations, manifests, and the graphs they record, the latter against recorded goldens too, by an
 //! interpreter of graphs that knows no device. Configurations and tensor lists of the goldens are in `tests/data/model`; the
-//! goldens themselves are used when `../shared` is there.
+//! goldens themselves are used when `../shared` is there. Also what plans of them cost, counted (`work`).
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
@@ -11,3 +11,4 @@ mod graphs;
 mod interpret;
 mod manifest;
 mod plans;
+mod work;

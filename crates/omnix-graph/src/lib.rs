@@ -5,6 +5,7 @@
 //! * [`fuse`]: a pass from graph to graph; what is pointwise moves into its producer or reader.
 //! * [`Plan`]: which nodes run in row chunks, which buffer every value lives in, how many bytes and
 //!   operations a run takes: all known before anything runs, with no device.
+//! * [`Work`]: what a run asks of a device, counted without one.
 //! * [`Executable`]: the plan on a borrowed device; `encode` is the only part that touches it.
 
 pub mod build;
@@ -21,6 +22,7 @@ mod record;
 pub mod rows;
 pub mod schedule;
 pub mod weights;
+pub mod work;
 
 pub use error::GraphError;
 pub use exec::Executable;
@@ -28,3 +30,4 @@ pub use graph::{Graph, Parameter, Shape, Value};
 pub use op::Op;
 pub use plan::{Plan, PlanOptions};
 pub use weights::{ParameterSource, WeightStore};
+pub use work::Work;

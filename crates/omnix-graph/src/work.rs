@@ -1,0 +1,53 @@
+//! Work of a plan, counted: what a run asks of a device, known before there is one. The same on every machine, so that a
+//! test can hold it (`tests/model/work.rs`).
+
+use omnix_kernels::dispatch::{Arg, Dispatch};
+use rustc_hash::FxHashSet;
+
+use crate::error::GraphError;
+use crate::plan::Plan;
+use crate::record::{Recorded, record};
+
+/// What one run of a plan does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Work {
+    /// Dispatches.
+    pub dispatches: usize,
+    /// Distinct shaders among them: what a driver compiles.
+    pub pipelines: usize,
+    /// Bytes of all windows that dispatches see: each is moved at least once.
+    pub bytes: u64,
+    /// Multiply-adds: half the plan's operations.
+    pub multiply_adds: u64,
+    /// Bytes of everything but the weights at the peak.
+    pub working_bytes: u64,
+    /// Bytes of the weights as they are stored.
+    pub weight_bytes: u64,
+}
+
+impl Plan {
+    /// Counts the work of one run.
+    ///
+    /// # Errors
+    /// When a kernel cannot take a shape.
+    pub fn work(&self) -> Result<Work, GraphError> {
+        let recorded = record(self)?;
+        let calls = || recorded.iter().flat_map(|call| call.dispatches.iter().map(move |dispatch| (call, dispatch)));
+        let pipelines: FxHashSet<_> = calls().map(|(_, d)| (d.shader.kernel, d.shader.variant)).collect();
+        Ok(Work {
+            dispatches: calls().count(),
+            pipelines: pipelines.len(),
+            bytes: calls().map(|(call, dispatch)| bytes_seen(call, dispatch)).sum(),
+            multiply_adds: self.flops() / 2,
+            working_bytes: self.working_bytes(),
+            weight_bytes: self.weight_bytes(),
+        })
+    }
+}
+
+/// Bytes of the windows of one dispatch.
+fn bytes_seen(call: &Recorded, dispatch: &Dispatch) -> u64 {
+    let present = dispatch.windows.iter().filter(|window| window.arg != Arg::ABSENT);
+    let rest = |arg: Arg, offset: u64| call.args[usize::from(arg.0)].size.saturating_sub(offset);
+    present.map(|w| w.size.unwrap_or(u64::MAX).min(rest(w.arg, w.offset))).sum()
+}
