@@ -7,16 +7,16 @@ use std::fmt::Write as _;
 
 use omnix_graph::{Graph, Plan, PlanOptions};
 use omnix_kernels::Caps;
-use omnix_model::{BackboneSpec, HeadSpec, MotionSpec, Network, NetworkConfig, SamplingSpec};
+use omnix_model::{BackboneSpec, HeadSpec, ModelError, MotionSpec, Network, NetworkConfig, SamplingSpec};
 
 use crate::fixture::{nano, root};
 
 /// One plan and what it is called.
 type Named = (String, Plan);
 
-fn planned(caps: &Caps, record: impl FnOnce(&mut Graph)) -> Plan {
+fn planned(caps: &Caps, record: impl FnOnce(&mut Graph) -> Result<(), ModelError>) -> Plan {
     let mut graph = Graph::new();
-    record(&mut graph);
+    record(&mut graph).unwrap();
     Plan::new(&graph, caps, &PlanOptions::default()).unwrap()
 }
 
@@ -31,9 +31,9 @@ fn geometry(network: &Network, images: usize, grid: (usize, usize), caps: &Caps)
         export_layers: Vec::new(),
     };
     let head = |rays| HeadSpec { frames: 1, grid, rays, points: false };
-    let record_head = |rays| planned(caps, |g| drop(network.head(g, &head(rays)).unwrap()));
+    let record_head = |rays| planned(caps, |g| network.head(g, &head(rays)).map(|_| ()));
     [
-        (format!("backbone, {images} images"), planned(caps, |g| drop(network.backbone(g, &spec).unwrap()))),
+        (format!("backbone, {images} images"), planned(caps, |g| network.backbone(g, &spec).map(|_| ()))),
         ("head, depth".to_owned(), record_head(false)),
         ("head, depth and rays".to_owned(), record_head(true)),
     ]
@@ -44,8 +44,8 @@ fn motion(network: &Network, images: usize, grid: (usize, usize), caps: &Caps) -
     let spec = MotionSpec { images, grid, times: times(images) };
     let sampling = SamplingSpec { frames: 1, times: images, grid };
     [
-        (format!("motion, {images} images"), planned(caps, |g| drop(network.motion(g, &spec).unwrap()))),
-        (format!("sampling, {images} times"), planned(caps, |g| drop(network.sampling(g, &sampling).unwrap()))),
+        (format!("motion, {images} images"), planned(caps, |g| network.motion(g, &spec).map(|_| ()))),
+        (format!("sampling, {images} times"), planned(caps, |g| network.sampling(g, &sampling).map(|_| ()))),
     ]
 }
 
