@@ -110,7 +110,8 @@ impl Ready {
             self.session.set_image(index, picture)?;
         }
         let Some(file) = file else {
-            return Ok(self.session.run_resident(&mut quiet(), &mut |_| Ok::<_, OmnixError>(()))?);
+            self.session.run_resident(&mut quiet(), &mut |_| Ok::<_, OmnixError>(()))?;
+            return Ok(());
         };
         let mut depth = Vec::new();
         self.session.run(&mut quiet(), &mut |frame| {

@@ -85,8 +85,8 @@ impl WeightKey {
     }
 }
 
-/// Parameters uploaded to one device; several plans may share them.
-#[derive(Debug)]
+/// Parameters uploaded to one device; several plans may share them. The default has none.
+#[derive(Debug, Default)]
 pub struct WeightStore {
     slices: FxHashMap<WeightKey, BufferSlice>,
     bytes: u64,

@@ -38,6 +38,18 @@ pub enum OmnixError {
         /// What is wrong and what would do.
         reason: String,
     },
+    /// Trajectories of a network that has none.
+    #[error("{network} has no trajectories: leave out what needs motion, or use an OmniX checkpoint with --weights")]
+    NoMotion {
+        /// The network.
+        network: String,
+    },
+    /// An image, pixel or time that a field does not have.
+    #[error("{reason}")]
+    Query {
+        /// What is wrong and what would do.
+        reason: String,
+    },
     /// The memory budget is below the least that works.
     #[error("a memory budget of {} MiB is too small: this run needs at least {} MiB ({hint})", mib_down(*.budget), mib_up(*.least))]
     Budget {
@@ -51,6 +63,13 @@ pub enum OmnixError {
     /// The caller asked to stop.
     #[error("interrupted")]
     Interrupted,
+}
+
+impl OmnixError {
+    /// A weight that cannot be read, by the error of this crate that it was where it was one.
+    pub(crate) fn parameter(name: &str, source: Box<dyn std::error::Error + Send + Sync>) -> Self {
+        omnix_graph::GraphError::Parameter { name: name.to_owned(), source }.into()
+    }
 }
 
 fn mib_up(bytes: u64) -> u64 {

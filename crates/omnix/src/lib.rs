@@ -26,6 +26,7 @@
 pub mod bench;
 mod engine;
 mod error;
+mod field;
 mod plan;
 mod progress;
 mod request;
@@ -34,12 +35,16 @@ mod weights;
 
 pub use engine::{DeviceInfo, Engine};
 pub use error::OmnixError;
+pub use field::{
+    About, Chunk, Field, FieldImage, FieldPrecision, FieldShape, ImageMotion, PathPiece, Paths, Pixels, Query,
+    ResidentPaths,
+};
 pub use omnix_geometry::{AlignTo, Camera};
 pub use omnix_kernels::{Caps, Tier, WeightType};
 pub use omnix_model::backbone::ReferenceChoice;
-pub use plan::{PlanSummary, RunPlan};
+pub use plan::{FieldSummary, MotionPlan, PlanSummary, RunPlan, StageSummary};
 pub use progress::{Phase, Progress, quiet};
-pub use request::Request;
+pub use request::{FieldPlace, Request};
 pub use session::{FrameGeometry, ResidentGeometry, Session};
 pub use weights::Weights;
 

@@ -1,13 +1,20 @@
-//! A whole run planned: two graphs, their chunks and the bytes they take, with no device.
+//! A whole run planned: up to four graphs, their chunks and the bytes they take, with no device.
+//!
+//! Stages, one after another: the backbone over all images; the head, a few images at a time; and, where trajectories are
+//! wanted, the trajectory module over all images, the sampling head a few images at a time, and the evaluation of the field.
+//! A stage's bytes are its weights (or all weights, if they stay), its own plan's, and what it holds of other stages' results.
 
-use omnix_graph::{Graph, GraphError, Plan, PlanOptions};
-use omnix_kernels::{Caps, Tier};
-use omnix_model::{BackboneSpec, HeadSpec};
-use serde::Serialize;
+mod stages;
+mod summary;
+
+use omnix_graph::Plan;
+use omnix_kernels::Caps;
 
 use crate::error::OmnixError;
+use crate::field::{self, Chunk, FieldShape};
 use crate::request::Request;
 use crate::weights::Weights;
+pub use summary::{FieldSummary, PlanSummary, StageSummary};
 
 /// Everything a run will do.
 #[derive(Clone, Debug)]
@@ -16,41 +23,35 @@ pub struct RunPlan {
     pub request: Request,
     /// The network over all images: features and cameras.
     pub backbone: Plan,
-    /// Depth (and rays) of a few images.
+    /// Depth (and rays, and points) of a few images.
     pub head: Plan,
     /// How many.
     pub head_images: usize,
-    /// Bytes of the features and cameras that stay between the two.
+    /// The stages that make a field, if trajectories are wanted.
+    pub motion: Option<MotionPlan>,
+    /// Bytes of the features and cameras that stay between the stages.
     kept: u64,
 }
 
-/// A plan in numbers, for people and machines.
-#[derive(Clone, Debug, Serialize)]
-pub struct PlanSummary {
-    /// Number of images.
-    pub images: usize,
-    /// Rows and columns of an image.
-    pub image_size: [usize; 2],
-    /// Tokens of all images.
-    pub tokens: usize,
-    /// Bytes of device memory at the peak.
-    pub peak_bytes: u64,
-    /// Of these, weights.
-    pub weight_bytes: u64,
-    /// Bytes of images, features and intermediates while the backbone runs.
-    pub backbone_bytes: u64,
-    /// Bytes of features, intermediates and results while the head runs.
-    pub head_bytes: u64,
-    /// Operations of the backbone (a multiply-add is two).
-    pub backbone_flops: u64,
-    /// Operations of the head over all images.
-    pub head_flops: u64,
-    /// Parts into which row-wise work of the backbone is cut.
-    pub backbone_parts: usize,
-    /// Rows of a chunk in each kind of chain.
-    pub chunk_rows: Vec<usize>,
-    /// Images through the head at a time.
-    pub head_images: usize,
+/// The stages that make a field.
+#[derive(Clone, Debug)]
+pub struct MotionPlan {
+    /// The trajectory module over all images.
+    pub module: Plan,
+    /// The sampling head over a few images.
+    pub sampling: Plan,
+    /// How many.
+    pub sampling_images: usize,
+    /// Sizes of the field.
+    pub shape: FieldShape,
+    /// Whether the field is kept on the device; else in a spool file.
+    pub resident: bool,
+    /// Pixels and target times of an evaluation of all pixels of an image.
+    pub evaluation: Chunk,
+    /// Bytes of such an evaluation, its image's part of the field included where that is not kept on the device.
+    evaluation_bytes: u64,
+    /// Bytes of the tokens that the head makes for the module.
+    token_bytes: u64,
 }
 
 /// Staging for reading results back, and parameters of dispatches: a small, bounded extra.
@@ -63,60 +64,28 @@ impl RunPlan {
     /// [`OmnixError::Budget`] with the least that works, or what is wrong with the request.
     pub fn new(weights: &Weights, request: &Request, caps: &Caps) -> Result<Self, OmnixError> {
         request.check()?;
-        let network = weights.network();
-        let mut graph = Graph::new();
-        network.backbone(&mut graph, &backbone_spec(weights, request))?;
-        let options = PlanOptions { storage: request.storage, parts: request.parts, ..PlanOptions::default() };
-        let free = Plan::new(&graph, caps, &PlanOptions { budget: Some(u64::MAX), ..options });
-        let mut head_images =
-            request.head_images.unwrap_or(if caps.tier == Tier::Gpu { 4 } else { 1 }).clamp(1, request.images);
-        let mut head = plan_head(weights, request, caps, head_images)?;
-        let plan = match (free, request.budget) {
-            (Ok(plan), None) => plan,
-            (Err(error), None) => return Err(error.into()),
-            (free, Some(budget)) => {
-                let kept = kept_bytes(&graph);
-                let key_bytes = |plan: &Plan| plan.weight_bytes();
-                let backbone_weights = match &free {
-                    Ok(plan) => key_bytes(plan),
-                    Err(_) => 0,
-                };
-                let fixed = backbone_weights + head.weight_bytes() + OVERHEAD;
-                while head_images > 1 && fixed + kept + head_total(&head) > budget {
-                    head_images -= 1;
-                    head = plan_head(weights, request, caps, head_images)?;
-                }
-                let least_head = fixed + kept + head_total(&head);
-                let room = budget.saturating_sub(fixed);
-                match Plan::new(&graph, caps, &PlanOptions { budget: Some(room), ..options }) {
-                    Ok(plan) if least_head <= budget => plan,
-                    Ok(_) => return Err(too_small(budget, least_head)),
-                    Err(GraphError::Budget { least, .. }) => {
-                        return Err(too_small(budget, (fixed + least).max(least_head)));
-                    }
-                    Err(error) => return Err(error.into()),
-                }
-            }
-        };
-        Ok(Self { request: request.clone(), kept: kept_bytes(&graph), backbone: plan, head, head_images })
+        if request.motion {
+            field::motion_of(weights)?;
+        }
+        stages::plan(weights, request, caps)
     }
 
     /// Bytes of all weights.
     #[must_use]
     pub fn weight_bytes(&self) -> u64 {
-        self.backbone.weight_bytes() + self.head.weight_bytes()
+        self.plans().map(|(plan, _)| plan.weight_bytes()).sum()
     }
 
     /// Bytes of device memory at the peak of the run.
     #[must_use]
     pub fn peak_bytes(&self) -> u64 {
-        self.weight_bytes() + OVERHEAD + self.backbone.working_bytes().max(self.kept + head_total(&self.head))
+        self.stages().iter().map(|stage| stage.bytes).max().unwrap_or(0)
     }
 
     /// Operations of the whole run.
     #[must_use]
     pub fn flops(&self) -> u64 {
-        self.backbone.flops() + self.head_flops()
+        self.plans().map(|(plan, runs)| plan.flops() * runs).sum()
     }
 
     /// Operations of the head over all images.
@@ -125,65 +94,32 @@ impl RunPlan {
         self.head.flops() * self.request.images.div_ceil(self.head_images) as u64
     }
 
-    /// The plan in numbers.
+    /// Bytes that the budget leaves for evaluations of the field; `None` for no bound.
     #[must_use]
-    pub fn summary(&self) -> PlanSummary {
-        let (gh, gw) = self.request.grid();
-        let mut chunk_rows: Vec<usize> = self.backbone.chunks().into_iter().map(|(_, _, rows)| rows).collect();
-        chunk_rows.sort_unstable();
-        chunk_rows.dedup();
-        PlanSummary {
-            images: self.request.images,
-            image_size: [self.request.height, self.request.width],
-            tokens: self.request.images * (gh * gw + 1),
-            peak_bytes: self.peak_bytes(),
-            weight_bytes: self.weight_bytes(),
-            backbone_bytes: self.backbone.working_bytes(),
-            head_bytes: self.kept + head_total(&self.head),
-            backbone_flops: self.backbone.flops(),
-            head_flops: self.head_flops(),
-            backbone_parts: self.backbone.parts,
-            chunk_rows,
-            head_images: self.head_images,
-        }
+    pub fn evaluation_room(&self) -> Option<u64> {
+        let (motion, budget) = (self.motion.as_ref()?, self.request.budget?);
+        Some(budget.saturating_sub(self.resting_weights() + OVERHEAD + motion.store_bytes()))
+    }
+
+    /// Every plan, and how often it runs.
+    fn plans(&self) -> impl Iterator<Item = (&Plan, u64)> {
+        let images = self.request.images;
+        let motion = self
+            .motion
+            .iter()
+            .flat_map(move |m| [(&m.module, 1), (&m.sampling, images.div_ceil(m.sampling_images) as u64)]);
+        [(&self.backbone, 1), (&self.head, images.div_ceil(self.head_images) as u64)].into_iter().chain(motion)
+    }
+
+    /// Bytes of the weights that are on the device when no stage runs.
+    fn resting_weights(&self) -> u64 {
+        if self.request.keep_weights { self.weight_bytes() } else { 0 }
     }
 }
 
-fn too_small(budget: u64, least: u64) -> OmnixError {
-    OmnixError::Budget {
-        budget,
-        least,
-        hint: "fewer images with --frames, smaller ones with --process-res or --size, or --weights-type f16",
+impl MotionPlan {
+    /// Bytes of the field on the device.
+    fn store_bytes(&self) -> u64 {
+        if self.resident { self.shape.bytes() } else { 0 }
     }
-}
-
-/// Working memory of the head and the staging its results are read through.
-fn head_total(head: &Plan) -> u64 {
-    let results: u64 = head.graph.outputs().iter().map(|v| head.graph.shape(*v).bytes()).sum();
-    head.working_bytes() + results
-}
-
-/// Bytes of the backbone's outputs.
-fn kept_bytes(graph: &Graph) -> u64 {
-    graph.outputs().iter().map(|v| graph.shape(*v).bytes()).sum()
-}
-
-pub(crate) fn backbone_spec(weights: &Weights, request: &Request) -> BackboneSpec {
-    BackboneSpec {
-        images: request.images,
-        grid: request.grid(),
-        reference: request.reference.unwrap_or_else(|| weights.network().default_reference()),
-        cameras_given: request.cameras.is_some(),
-        times: request.times.clone(),
-        export_layers: Vec::new(),
-    }
-}
-
-fn plan_head(weights: &Weights, request: &Request, caps: &Caps, frames: usize) -> Result<Plan, OmnixError> {
-    let mut graph = Graph::new();
-    weights
-        .network()
-        .head(&mut graph, &HeadSpec { frames, grid: request.grid(), rays: request.rays, points: false })?;
-    let options = PlanOptions { storage: request.storage, ..PlanOptions::default() };
-    Ok(Plan::new(&graph, caps, &options)?)
 }

@@ -11,6 +11,10 @@ pub enum Phase {
     Backbone,
     /// Depth, image by image.
     Head,
+    /// The trajectory module over all images.
+    Motion,
+    /// Where each pixel samples the field, image by image.
+    Sampling,
 }
 
 /// A step of long work: `done` of `total` units of its phase (bytes or operations).

@@ -1,5 +1,7 @@
 //! What to reconstruct.
 
+use std::path::PathBuf;
+
 use omnix_geometry::{AlignTo, Camera};
 use omnix_kernels::WeightType;
 use omnix_model::backbone::ReferenceChoice;
@@ -25,14 +27,37 @@ pub struct Request {
     pub align: AlignTo,
     /// Whether ray maps are wanted; they cost about as much as depth.
     pub rays: bool,
+    /// Whether trajectories are wanted; they need a network that has them.
+    pub motion: bool,
     /// How weights are stored on the device.
     pub storage: WeightType,
+    /// Whether weights stay on the device for the next run. If not, each stage's weights leave when it is done, which lowers the
+    /// peak, and a further run uploads them again.
+    pub keep_weights: bool,
     /// Bytes of device memory that the run may take.
     pub budget: Option<u64>,
     /// Chains go in at least so many parts; 1 unless a test wants chunks.
     pub parts: usize,
     /// Images through the head at a time; `None` lets the device's kind and the budget decide.
     pub head_images: Option<usize>,
+    /// Images through the sampling head at a time, alike.
+    pub sampling_images: Option<usize>,
+    /// Where a field is kept; by default on the device if the budget allows it.
+    pub field: FieldPlace,
+}
+
+/// Where a field is kept while it is used.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum FieldPlace {
+    /// On the device if it fits the budget, else as [`FieldPlace::Spool`] in the system's folder for temporary files.
+    #[default]
+    Auto,
+    /// As [`FieldPlace::Auto`], with the spool file in this folder.
+    AutoIn(PathBuf),
+    /// On the device.
+    Device,
+    /// In an unnamed file in this folder, from which one image at a time goes to the device.
+    Spool(PathBuf),
 }
 
 impl Request {
@@ -48,10 +73,14 @@ impl Request {
             cameras: None,
             align: AlignTo::Given,
             rays: false,
+            motion: false,
             storage: WeightType::F32,
+            keep_weights: true,
             budget: None,
             parts: 1,
             head_images: None,
+            sampling_images: None,
+            field: FieldPlace::Auto,
         }
     }
 

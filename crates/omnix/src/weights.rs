@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::path::Path;
+use std::sync::Arc;
 
 use omnix_graph::ParameterSource;
 use omnix_model::config::NetworkConfig;
@@ -10,12 +11,12 @@ use omnix_weights::{CheckReport, Checkpoint};
 
 use crate::error::OmnixError;
 
-/// A checked checkpoint.
-#[derive(Debug)]
+/// A checked checkpoint. Cheap to clone.
+#[derive(Clone, Debug)]
 pub struct Weights {
-    checkpoint: Checkpoint,
+    checkpoint: Arc<Checkpoint>,
     network: Network,
-    report: CheckReport,
+    report: Arc<CheckReport>,
     note: Option<&'static str>,
 }
 
@@ -23,8 +24,8 @@ pub struct Weights {
 const BUILTIN: &str = "nano";
 
 /// What every report says of the embedded checkpoint.
-const BUILTIN_NOTE: &str = "nano is a very small stand-in (8 M parameters) trained on rendered toy scenes: it shows that everything works; \
-     for results use a published Depth Anything 3 checkpoint with --weights";
+const BUILTIN_NOTE: &str = "nano is a very small stand-in (8 M parameters) trained on rendered toy scenes: it shows that everything works, its depth \
+     of real pictures is a blur and its motion has not been learned; for results use a published checkpoint with --weights";
 
 impl Weights {
     /// The checkpoint in the program itself.
@@ -63,9 +64,15 @@ impl Weights {
         if let Some(prefix) = config.key_prefix() {
             checkpoint.set_key_prefix(prefix);
         }
-        let report =
-            omnix_weights::check(&checkpoint, &omnix_model::manifest(&config, &Parts::default())).into_result()?;
-        Ok(Self { checkpoint, network: Network::new(config), report, note: None })
+        // A network with trajectories must have all it needs for them, whatever a run will ask.
+        let parts = Parts { motion: config.trajectory.is_some(), ..Parts::default() };
+        let report = omnix_weights::check(&checkpoint, &omnix_model::manifest(&config, &parts)).into_result()?;
+        Ok(Self {
+            checkpoint: Arc::new(checkpoint),
+            network: Network::new(config),
+            report: Arc::new(report),
+            note: None,
+        })
     }
 
     /// The files.

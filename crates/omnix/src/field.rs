@@ -1,0 +1,184 @@
+//! The compact form of all motion: what trajectories are evaluated from.
+//!
+//! For every source image a field (nine numbers for each level, target time and cell), a mask of cells, and for every pixel
+//! where it samples them (offsets, weights) and its world point. Trajectories of chosen pixels and times come from it at
+//! any time ([`Field::paths`], [`Field::stream`], [`Field::resident_paths`]); all of them at once would be T² · H · W points.
+//! It lives on the device, or in a file from which one image at a time goes to the device, and can be saved and opened again
+//! ([`Field::save`], whose module documents the file).
+
+mod choice;
+mod evaluate;
+mod saved;
+mod shape;
+mod store;
+
+use omnix_geometry::Camera;
+use omnix_graph::op::{Gate, Motion};
+use omnix_io::Picture;
+use omnix_kernels::Gpu;
+
+pub use choice::ImageMotion;
+pub use evaluate::{Chunk, PathPiece, Paths, Pixels, Query, ResidentPaths};
+pub(crate) use evaluate::{fit, least};
+pub use saved::FieldPrecision;
+pub use shape::FieldShape;
+pub(crate) use shape::{PARTS, Part};
+pub(crate) use store::{Resident, Store, copy};
+
+use crate::engine::Engine;
+use crate::error::OmnixError;
+use crate::weights::Weights;
+
+/// What trajectories are evaluated from.
+#[derive(Debug)]
+pub struct Field {
+    engine: Engine,
+    shape: FieldShape,
+    motion: Motion,
+    store: Store,
+    /// Bytes of the device that an evaluation may take.
+    room: Option<u64>,
+    images: Vec<FieldImage>,
+    about: About,
+}
+
+/// What is known of one image beside its part of the field.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldImage {
+    /// Index of its video.
+    pub video: u32,
+    /// Frame in its video.
+    pub frame: u32,
+    /// Seconds from the start of its video, where known.
+    pub time_s: Option<f64>,
+    /// World-to-camera pose and intrinsics in pixels of the processed image.
+    pub camera: Camera,
+    /// Motion score θ of every pixel, row by row.
+    pub theta: Vec<f32>,
+    /// Confidence of every pixel's path, at least 1, the same at all times.
+    pub confidence: Vec<f32>,
+    /// The processed picture, for exports with colours.
+    pub picture: Option<Picture>,
+}
+
+/// Where a field comes from.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct About {
+    /// Name of the network.
+    pub network: String,
+    /// Its weights, and their digest where that was asked for.
+    pub weights: String,
+    /// Name of the unit of length.
+    pub unit: String,
+    /// A caution that belongs with every result.
+    pub note: Option<String>,
+}
+
+/// How the network's points move.
+pub(crate) fn motion_of(weights: &Weights) -> Result<Motion, OmnixError> {
+    let config = weights.network().config();
+    let trajectory = config.trajectory.as_ref().ok_or_else(|| OmnixError::NoMotion { network: config.name.clone() })?;
+    Ok(trajectory.motion())
+}
+
+impl Field {
+    /// A field without scores.
+    pub(crate) fn new(
+        engine: &Engine,
+        (shape, motion): (FieldShape, Motion),
+        store: Store,
+        room: Option<u64>,
+        images: Vec<FieldImage>,
+        about: About,
+    ) -> Self {
+        Self { engine: engine.clone(), shape, motion, store, room, images, about }
+    }
+
+    /// Its sizes.
+    #[must_use]
+    pub fn shape(&self) -> &FieldShape {
+        &self.shape
+    }
+
+    /// How points move.
+    #[must_use]
+    pub fn motion(&self) -> Motion {
+        self.motion
+    }
+
+    /// What is known of each image, in the order of target times.
+    #[must_use]
+    pub fn images(&self) -> &[FieldImage] {
+        &self.images
+    }
+
+    /// Adds seconds and pictures, which the engine does not know.
+    pub fn images_mut(&mut self) -> &mut [FieldImage] {
+        &mut self.images
+    }
+
+    /// Where it comes from.
+    #[must_use]
+    pub fn about(&self) -> &About {
+        &self.about
+    }
+
+    /// Changes what is said of where it comes from.
+    pub fn about_mut(&mut self) -> &mut About {
+        &mut self.about
+    }
+
+    /// Whether it is kept on the device; else one image at a time goes there.
+    #[must_use]
+    pub fn on_device(&self) -> bool {
+        self.store.on_device()
+    }
+
+    /// Bounds the device memory that an evaluation may take.
+    pub fn set_room(&mut self, bytes: Option<u64>) {
+        self.room = bytes;
+    }
+
+    /// Whether the gate lets a pixel with this score move.
+    #[must_use]
+    pub fn moves(&self, theta: f32) -> bool {
+        match self.motion.gate {
+            Gate::None => true,
+            Gate::Hard(threshold) => theta > threshold,
+            Gate::Blend => theta > 0.0,
+        }
+    }
+
+    /// World points of an image's pixels at its own time, `[height, width, 3]`.
+    ///
+    /// # Errors
+    /// [`OmnixError::Query`] for an image that is not there; failures of the device or of reading a file.
+    pub fn points(&self, image: usize) -> Result<Vec<f32>, OmnixError> {
+        if image >= self.shape.images {
+            let reason = format!("there is no image {image}: images go from 0 to {}", self.shape.images - 1);
+            return Err(OmnixError::Query { reason });
+        }
+        self.store.numbers(image, Part::Points)
+    }
+
+    /// Computes every pixel's score.
+    pub(crate) fn score(&mut self) -> Result<(), OmnixError> {
+        for image in 0..self.shape.images {
+            let paths = self.paths(&Query::new(image, Pixels::All, image..image + 1))?;
+            self.images[image].theta = paths.theta;
+        }
+        Ok(())
+    }
+
+    fn image(&self, image: usize) -> Result<Resident, OmnixError> {
+        self.store.image(image)
+    }
+
+    fn room(&self) -> Option<u64> {
+        self.room
+    }
+
+    fn gpu(&self) -> &Gpu {
+        self.engine.gpu()
+    }
+}

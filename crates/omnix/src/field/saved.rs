@@ -1,0 +1,241 @@
+//! The file of a field, `field.safetensors`: any safetensors reader opens it.
+//!
+//! T images (and target times), H × W pixels, L = rows · columns cells of the grid, M levels, Q points a level.
+//!
+//! | tensor | type | shape | |
+//! |---|---|---|---|
+//! | `field` | F32 or F16 | T source, M, T target, L, 9 | six numbers of rotation, three of translation |
+//! | `mask` | F32 | T, L | which cells were chosen (0 or 1; the score, where the network samples that) |
+//! | `offsets` | F32 or F16 | T, H, W, M, Q, 2 | where a pixel samples, in cells from its own place: x, y |
+//! | `weights` | F32 or F16 | T, H, W, M, Q | of its samples, sum 1 |
+//! | `points` | F32 or F16 | T, H, W, 3 | world points at the image's own time |
+//! | `theta`, `confidence` | F32 | T, H, W | motion score; confidence of the paths, at least 1 |
+//! | `extrinsics`, `intrinsics` | F32 | T, 3, 4; T, 3, 3 | world-to-camera, OpenCV axes; in pixels of the processed image |
+//! | `times` | U32 | T, 2 | video and frame of each image |
+//! | `seconds` | F32 | T | from the start of its video; NaN where unknown |
+//! | `pictures` | U32 | T, H, W | red + 256 green + 65536 blue; only if there are pictures |
+//!
+//! `__metadata__`: `format`, `version` (`omnix_io::output::field`), `shape` and `motion` (JSON), `network`, `weights`, `unit`, `note`.
+//! An F32 file gives back the very bits; F16 rounds, so that a score near the gate's threshold may fall on its other side.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use omnix_geometry::Camera;
+use omnix_graph::op::{Gate, Motion};
+use omnix_io::output::field::{FieldReader, FieldType, FieldWriter, TensorSpec};
+use omnix_io::{IoError, Picture};
+use serde_json::{Value, json};
+
+use super::{About, Field, FieldImage, FieldShape, PARTS, Part, Store};
+use crate::engine::Engine;
+use crate::error::OmnixError;
+
+/// Type of a saved field's large tensors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FieldPrecision {
+    /// 32 bits: trajectories of the opened field are the same bits.
+    #[default]
+    F32,
+    /// 16 bits: half the size.
+    F16,
+}
+
+impl FieldPrecision {
+    const fn of(self, part: Part) -> FieldType {
+        match (self, part) {
+            (Self::F16, Part::Field | Part::Offsets | Part::Weights | Part::Points) => FieldType::F16,
+            _ => FieldType::F32,
+        }
+    }
+
+    /// Bytes of the file of a field of this shape, without its header.
+    #[must_use]
+    pub fn bytes(self, shape: &FieldShape) -> u64 {
+        let parts = PARTS.iter().map(|p| shape.numbers(*p) * self.of(*p).bytes()).sum::<usize>();
+        // θ, confidence and picture of a pixel; camera and time of an image.
+        (shape.images * (parts + 12 * shape.pixels() + 96)) as u64
+    }
+}
+
+impl Field {
+    /// Writes `path` one image's part at a time; the file has its name only when whole.
+    ///
+    /// # Errors
+    /// A failure of writing, of the device, or of reading a spool file.
+    pub fn save(&self, path: &Path, precision: FieldPrecision) -> Result<PathBuf, OmnixError> {
+        let shape = *self.shape();
+        let (images, pixels) = (shape.images, [shape.images, shape.height, shape.width]);
+        let pictures = self.images().iter().all(|i| i.picture.is_some());
+        let mut specs: Vec<TensorSpec> = PARTS
+            .into_iter()
+            .map(|part| {
+                let dims: Vec<usize> = [vec![images], shape.dims(part)].concat();
+                TensorSpec::new(part.name(), precision.of(part), dims)
+            })
+            .collect();
+        let f32s = |name, dims: &[usize]| TensorSpec::new(name, FieldType::F32, dims);
+        specs.extend([f32s("theta", &pixels), f32s("confidence", &pixels)]);
+        specs.extend([f32s("extrinsics", &[images, 3, 4]), f32s("intrinsics", &[images, 3, 3])]);
+        specs.extend([TensorSpec::new("times", FieldType::U32, [images, 2]), f32s("seconds", &[images])]);
+        if pictures {
+            specs.push(TensorSpec::new("pictures", FieldType::U32, pixels));
+        }
+        let mut file = FieldWriter::create(path, &specs, &self.metadata())?;
+        for part in PARTS {
+            for image in 0..images {
+                file.write(part.name(), &self.store.numbers(image, part)?)?;
+            }
+        }
+        let all = self.images();
+        all.iter().try_for_each(|i| file.write("theta", &i.theta))?;
+        all.iter().try_for_each(|i| file.write("confidence", &i.confidence))?;
+        all.iter().try_for_each(|i| file.write("extrinsics", i.camera.extrinsics.as_flattened()))?;
+        all.iter().try_for_each(|i| file.write("intrinsics", i.camera.intrinsics.as_flattened()))?;
+        all.iter().try_for_each(|i| file.write_u32("times", &[i.video, i.frame]))?;
+        all.iter().try_for_each(|i| file.write("seconds", &[i.time_s.map_or(f32::NAN, |t| t as f32)]))?;
+        for picture in all.iter().filter_map(|i| i.picture.as_ref()).take(if pictures { images } else { 0 }) {
+            let packed = picture.data.as_chunks::<3>().0.iter().map(|&[r, g, b]| u32::from_le_bytes([r, g, b, 0]));
+            file.write_u32("pictures", &packed.collect::<Vec<u32>>())?;
+        }
+        Ok(file.finish()?)
+    }
+
+    fn metadata(&self) -> BTreeMap<String, String> {
+        let about = self.about();
+        let mut metadata = BTreeMap::from([
+            ("shape".to_owned(), json!(self.shape()).to_string()),
+            ("motion".to_owned(), motion_json(self.motion()).to_string()),
+            ("network".to_owned(), about.network.clone()),
+            ("weights".to_owned(), about.weights.clone()),
+            ("unit".to_owned(), about.unit.clone()),
+        ]);
+        if let Some(note) = &about.note {
+            metadata.insert("note".to_owned(), note.clone());
+        }
+        metadata
+    }
+
+    /// Opens a saved field: one image at a time will go to the device.
+    ///
+    /// # Errors
+    /// A file that is absent, of another kind or version, cut short, or whose tensors contradict each other.
+    pub fn open(engine: &Engine, path: &Path) -> Result<Self, OmnixError> {
+        let mut file = FieldReader::open(path)?;
+        let said = |file: &FieldReader, name: &str| file.metadata(name).unwrap_or_default().to_owned();
+        let not = |what: &str| IoError::NotAField { reason: format!("its {what} is not known"), path: path.to_owned() };
+        let shape: FieldShape = serde_json::from_str(&said(&file, "shape")).map_err(|_syntax| not("shape"))?;
+        if !sound(&shape) {
+            return Err(not("shape").into());
+        }
+        let motion = serde_json::from_str(&said(&file, "motion")).ok().and_then(|m| motion_from(&m));
+        let motion = motion.ok_or_else(|| not("motion"))?;
+        for part in PARTS {
+            file.expect_shape(part.name(), &[vec![shape.images], shape.dims(part)].concat())?;
+        }
+        let about = About {
+            network: said(&file, "network"),
+            weights: said(&file, "weights"),
+            unit: said(&file, "unit"),
+            note: file.metadata("note").map(str::to_owned),
+        };
+        let images = images(&mut file, &shape)?;
+        let store = Store::saved(engine.gpu(), shape, file);
+        Ok(Self::new(engine, (shape, motion), store, None, images, about))
+    }
+}
+
+/// Whether sizes are positive and small enough to be counted.
+fn sound(shape: &FieldShape) -> bool {
+    let FieldShape { images, height, width, grid, levels, points } = *shape;
+    let sizes = [images, height, width, grid[0], grid[1], levels, points];
+    sizes.iter().all(|n| (1..=1 << 16).contains(n)) && sizes.iter().map(|n| (*n as f64).log2()).sum::<f64>() < 60.0
+}
+
+fn images(file: &mut FieldReader, shape: &FieldShape) -> Result<Vec<FieldImage>, OmnixError> {
+    let (count, pixels) = (shape.images, shape.pixels());
+    let size = [count, shape.height, shape.width];
+    file.expect_shape("theta", &size)?;
+    file.expect_shape("confidence", &size)?;
+    file.expect_shape("extrinsics", &[count, 3, 4])?;
+    file.expect_shape("intrinsics", &[count, 3, 3])?;
+    file.expect_shape("times", &[count, 2])?;
+    file.expect_shape("seconds", &[count])?;
+    let pictures = file.specs().any(|s| s.name == "pictures");
+    if pictures {
+        file.expect_shape("pictures", &size)?;
+    }
+    let mut images = Vec::with_capacity(count);
+    for i in 0..count {
+        let of_image = |n: usize| i * n..(i + 1) * n;
+        let (e, k) = (file.read("extrinsics", of_image(12))?, file.read("intrinsics", of_image(9))?);
+        let times = file.read_u32("times", of_image(2))?;
+        let seconds = file.read("seconds", of_image(1))?[0];
+        let picture = if pictures {
+            let packed = file.read_u32("pictures", of_image(pixels))?;
+            let data = packed.iter().flat_map(|p| p.to_le_bytes().into_iter().take(3)).collect();
+            Some(Picture::new(shape.width as u32, shape.height as u32, data))
+        } else {
+            None
+        };
+        images.push(FieldImage {
+            video: times[0],
+            frame: times[1],
+            time_s: (!seconds.is_nan()).then_some(f64::from(seconds)),
+            camera: Camera {
+                extrinsics: std::array::from_fn(|r| std::array::from_fn(|c| e[4 * r + c])),
+                intrinsics: std::array::from_fn(|r| std::array::from_fn(|c| k[3 * r + c])),
+            },
+            theta: file.read("theta", of_image(pixels))?,
+            confidence: file.read("confidence", of_image(pixels))?,
+            picture,
+        });
+    }
+    Ok(images)
+}
+
+/// As configurations write it.
+fn motion_json(motion: Motion) -> Value {
+    let (gate, threshold) = match motion.gate {
+        Gate::None => ("none", None),
+        Gate::Hard(threshold) => ("hard", Some(threshold)),
+        Gate::Blend => ("blend", None),
+    };
+    json!({
+        "relative_to_own_time": motion.relative, "rotation_min_norm": motion.min_norm, "gate": gate, "threshold": threshold,
+    })
+}
+
+fn motion_from(value: &Value) -> Option<Motion> {
+    // A float's shortest decimal gives back its bits.
+    let number = |name: &str| value[name].as_f64().map(|v| v as f32);
+    let gate = match value["gate"].as_str()? {
+        "none" => Gate::None,
+        "hard" => Gate::Hard(number("threshold")?),
+        "blend" => Gate::Blend,
+        _ => return None,
+    };
+    Some(Motion { relative: value["relative_to_own_time"].as_bool()?, min_norm: number("rotation_min_norm")?, gate })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motion_survives_its_text() {
+        for gate in [Gate::None, Gate::Hard(0.3), Gate::Blend] {
+            let motion = Motion { relative: gate == Gate::Blend, min_norm: 1e-3, gate };
+            let text = motion_json(motion).to_string();
+            assert_eq!(motion_from(&serde_json::from_str(&text).unwrap()), Some(motion), "{text}");
+        }
+        assert_eq!(motion_from(&json!({ "gate": "soft" })), None);
+    }
+
+    #[test]
+    fn shapes_beyond_counting_are_not_sound() {
+        let shape = FieldShape { images: 2, height: 14, width: 14, grid: [1, 1], levels: 1, points: 1 };
+        assert!(sound(&shape) && !sound(&FieldShape { images: 0, ..shape }));
+        assert!(!sound(&FieldShape { images: 1 << 16, height: 1 << 16, width: 1 << 16, levels: 1 << 16, ..shape }));
+    }
+}

@@ -1,0 +1,262 @@
+//! What each stage holds, and how a budget is shared out among them.
+
+use omnix_graph::{Graph, GraphError, Plan, PlanOptions};
+use omnix_kernels::{Caps, Tier};
+use omnix_model::{BackboneSpec, HeadSpec, MotionSpec, SamplingSpec};
+
+use super::{MotionPlan, OVERHEAD, RunPlan};
+use crate::error::OmnixError;
+use crate::field::{self, FieldShape};
+use crate::request::{FieldPlace, Request};
+use crate::weights::Weights;
+
+/// A field's sizes, and whether it is kept on the device.
+type Place<'a> = (&'a FieldShape, bool);
+
+/// Bytes that the head's stage holds beside its plan: features, what the module needs, and staging for the results.
+pub(super) fn head_held(head: &Plan, kept: u64, tokens: u64, field: Option<Place<'_>>) -> u64 {
+    let results: u64 = output_sizes(&head.graph).sum();
+    let points = field.map_or(0, |(shape, resident)| if resident { shape.all_points() } else { 0 });
+    kept + tokens + points + results
+}
+
+/// Bytes that the module's stage holds beside its plan, of which features and tokens are inputs.
+pub(super) fn module_held((shape, resident): Place<'_>) -> u64 {
+    if resident { shape.all_points() + shape.all_fields() } else { shape.field_bytes() }
+}
+
+/// Bytes that the sampling head's stage holds beside its plan.
+pub(super) fn sampling_held(sampling: &Plan, kept: u64, (shape, resident): Place<'_>) -> u64 {
+    // Results are read back one by one; offsets and weights only where they go to a file.
+    let staging = if resident { shape.pixels() as u64 * 4 } else { output_sizes(&sampling.graph).max().unwrap_or(0) };
+    kept + staging + if resident { shape.bytes() } else { 0 }
+}
+
+fn output_sizes(graph: &Graph) -> impl Iterator<Item = u64> + '_ {
+    graph.outputs().iter().map(|v| graph.shape(*v).bytes())
+}
+
+/// The graph of the backbone.
+fn backbone(weights: &Weights, request: &Request) -> Result<Graph, OmnixError> {
+    let spec = BackboneSpec {
+        images: request.images,
+        grid: request.grid(),
+        reference: request.reference.unwrap_or_else(|| weights.network().default_reference()),
+        cameras_given: request.cameras.is_some(),
+        times: request.times.clone(),
+        export_layers: Vec::new(),
+    };
+    let mut graph = Graph::new();
+    weights.network().backbone(&mut graph, &spec)?;
+    Ok(graph)
+}
+
+fn head(weights: &Weights, request: &Request, frames: usize) -> Result<Graph, OmnixError> {
+    let spec = HeadSpec { frames, grid: request.grid(), rays: request.rays, points: request.motion };
+    let mut graph = Graph::new();
+    weights.network().head(&mut graph, &spec)?;
+    Ok(graph)
+}
+
+fn module(weights: &Weights, request: &Request) -> Result<Graph, OmnixError> {
+    let spec = MotionSpec { images: request.images, grid: request.grid(), times: request.times.clone() };
+    let mut graph = Graph::new();
+    weights.network().motion(&mut graph, &spec)?;
+    Ok(graph)
+}
+
+fn sampling(weights: &Weights, request: &Request, frames: usize) -> Result<Graph, OmnixError> {
+    let spec = SamplingSpec { frames, times: request.images, grid: request.grid() };
+    let mut graph = Graph::new();
+    weights.network().sampling(&mut graph, &spec)?;
+    Ok(graph)
+}
+
+/// A budget while it is shared out: the least that works is the most that any stage needs at least.
+struct Budget {
+    /// None for no bound.
+    bytes: Option<u64>,
+    /// Weights on the device in every stage, if they stay there.
+    resting: Option<u64>,
+    least: u64,
+}
+
+impl Budget {
+    /// Bytes that a stage with these weights and these results held may take for its plan.
+    fn room(&self, weights: u64, held: u64) -> Option<u64> {
+        Some(self.bytes?.saturating_sub(self.fixed(weights) + held))
+    }
+
+    fn fixed(&self, weights: u64) -> u64 {
+        self.resting.unwrap_or(weights) + OVERHEAD
+    }
+
+    /// Whether a stage fits that takes so much beside its weights.
+    fn fits(&self, weights: u64, bytes: u64) -> bool {
+        self.bytes.is_none_or(|budget| self.fixed(weights) + bytes <= budget)
+    }
+
+    /// Notes what a stage needs at least, beside its weights.
+    fn needs(&mut self, weights: u64, bytes: u64) {
+        self.least = self.least.max(self.fixed(weights) + bytes);
+    }
+
+    /// One graph over all images, its chains cut as fine as the budget wants; none if that is too small.
+    fn whole(
+        &mut self,
+        graph: &Graph,
+        caps: &Caps,
+        options: &PlanOptions,
+        free: &Plan,
+        held: u64,
+    ) -> Result<Option<Plan>, OmnixError> {
+        let weights = free.weight_bytes();
+        let Some(room) = self.room(weights, held) else { return Ok(Some(free.clone())) };
+        match Plan::new(graph, caps, &PlanOptions { budget: Some(room), ..*options }) {
+            Ok(plan) => Ok(Some(plan)),
+            Err(GraphError::Budget { least, .. }) => {
+                self.needs(weights, held + least);
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// A graph over a few images: as many as fit, from `most` down; none if not even one does.
+    fn few(
+        &mut self,
+        most: usize,
+        plan: impl Fn(usize) -> Result<Plan, OmnixError>,
+        held: impl Fn(&Plan) -> u64,
+    ) -> Result<Option<(Plan, usize)>, OmnixError> {
+        let mut count = most;
+        loop {
+            let tried = plan(count)?;
+            let (weights, bytes) = (tried.weight_bytes(), tried.working_bytes() + held(&tried));
+            if self.fits(weights, bytes) {
+                return Ok(Some((tried, count)));
+            }
+            if count == 1 {
+                self.needs(weights, bytes);
+                return Ok(None);
+            }
+            count -= 1;
+        }
+    }
+}
+
+/// Plans all stages.
+pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<RunPlan, OmnixError> {
+    let options = PlanOptions { storage: request.storage, parts: request.parts, ..PlanOptions::default() };
+    let few = PlanOptions { parts: 1, ..options };
+    let usual = if caps.tier == Tier::Gpu { 4 } else { 1 };
+    let most = |wanted: Option<usize>| wanted.unwrap_or(usual).clamp(1, request.images);
+    let plan_head = |frames| Ok(Plan::new(&head(weights, request, frames)?, caps, &few)?);
+
+    let backbone = backbone(weights, request)?;
+    let kept: u64 = output_sizes(&backbone).sum();
+    let free = Plan::new(&backbone, caps, &options)?;
+    let motion = if request.motion { Some(Motion::new(weights, request, caps, &options)?) } else { None };
+    let resting = if request.keep_weights {
+        let motion = motion.as_ref().map_or(0, |m| m.module.weight_bytes() + m.sampling.weight_bytes());
+        Some(free.weight_bytes() + plan_head(1)?.weight_bytes() + motion)
+    } else {
+        None
+    };
+    let mut budget = Budget { bytes: request.budget, resting, least: 0 };
+    let planned = budget.whole(&backbone, caps, &options, &free, 0)?;
+    let tokens = motion.as_ref().map_or(0, |m| m.token_bytes);
+    // On the device if that fits; else in a file, where less may fit.
+    let places: &[bool] = match (&motion, &request.field) {
+        (None, _) | (Some(_), FieldPlace::Spool(_)) => &[false],
+        (Some(_), FieldPlace::Device) => &[true],
+        (Some(_), FieldPlace::Auto | FieldPlace::AutoIn(_)) => &[true, false],
+    };
+    let before = budget.least;
+    for &resident in places {
+        budget.least = before;
+        let place = motion.as_ref().map(|m| (&m.shape, resident));
+        let held = |plan: &Plan| head_held(plan, kept, tokens, place);
+        let head = budget.few(most(request.head_images), plan_head, held)?;
+        let moving = match &motion {
+            Some(motion) => motion.plan(&mut budget, kept, resident, most(request.sampling_images))?,
+            None => None,
+        };
+        if let (Some(backbone), Some((head, head_images))) = (&planned, head)
+            && moving.is_some() == motion.is_some()
+        {
+            let (request, backbone) = (request.clone(), backbone.clone());
+            return Ok(RunPlan { request, backbone, head, head_images, motion: moving, kept });
+        }
+    }
+    Err(OmnixError::Budget {
+        budget: request.budget.unwrap_or(u64::MAX),
+        least: budget.least,
+        hint: "fewer images with --frames, smaller ones with --process-res or --size, or --weights-type f16",
+    })
+}
+
+/// The stages of motion before they are fitted.
+struct Motion<'a> {
+    weights: &'a Weights,
+    request: &'a Request,
+    caps: &'a Caps,
+    options: PlanOptions,
+    graph: Graph,
+    module: Plan,
+    sampling: Plan,
+    shape: FieldShape,
+    token_bytes: u64,
+}
+
+impl<'a> Motion<'a> {
+    fn new(
+        weights: &'a Weights,
+        request: &'a Request,
+        caps: &'a Caps,
+        options: &PlanOptions,
+    ) -> Result<Self, OmnixError> {
+        let graph = module(weights, request)?;
+        let module = Plan::new(&graph, caps, options)?;
+        let sampling = Plan::new(&sampling(weights, request, 1)?, caps, &PlanOptions { parts: 1, ..*options })?;
+        let shape = FieldShape::of(&graph, &sampling.graph, request)?;
+        let tokens = graph.find("traj.point_tokens");
+        let token_bytes = tokens.map_or(0, |v| graph.shape(v).bytes());
+        Ok(Self { weights, request, caps, options: *options, graph, module, sampling, shape, token_bytes })
+    }
+
+    /// The stages within the budget, with the field on the device or in a file; none if they do not fit.
+    fn plan(
+        &self,
+        budget: &mut Budget,
+        kept: u64,
+        resident: bool,
+        most: usize,
+    ) -> Result<Option<MotionPlan>, OmnixError> {
+        let place = (&self.shape, resident);
+        let module = budget.whole(&self.graph, self.caps, &self.options, &self.module, module_held(place))?;
+        let plan = |frames| {
+            let graph = sampling(self.weights, self.request, frames)?;
+            Ok(Plan::new(&graph, self.caps, &PlanOptions { parts: 1, ..self.options })?)
+        };
+        let sampling = budget.few(most, plan, |plan| sampling_held(plan, kept, place))?;
+        let store = if resident { self.shape.bytes() } else { 0 };
+        let room = budget.room(0, store);
+        let motion = field::motion_of(self.weights)?;
+        let (evaluation, evaluation_bytes) = field::fit(&self.shape, motion, self.caps, resident, room)?;
+        budget.needs(0, store + field::least(&self.shape, motion, self.caps, resident)?);
+        let fits = budget.fits(0, store + evaluation_bytes);
+        let (Some(module), Some((sampling, sampling_images)), true) = (module, sampling, fits) else { return Ok(None) };
+        let (shape, token_bytes) = (self.shape, self.token_bytes);
+        Ok(Some(MotionPlan {
+            module,
+            sampling,
+            sampling_images,
+            shape,
+            resident,
+            evaluation,
+            evaluation_bytes,
+            token_bytes,
+        }))
+    }
+}

@@ -1,0 +1,174 @@
+//! The stages that make a field: the trajectory module over all images, then the sampling head a few images at a time.
+
+use omnix_geometry::{Camera, corner_rays};
+use omnix_graph::Executable;
+use omnix_graph::exec::Bindings;
+use omnix_graph::op::Motion;
+use omnix_kernels::{BufferSlice, Gpu, run};
+
+use super::stages::{Kept, part};
+use super::upload::Stage;
+use super::{Listener, Session};
+use crate::error::OmnixError;
+use crate::field::{About, Field, FieldImage, FieldShape, Part, Store, copy, motion_of};
+use crate::progress::{Phase, Progress};
+use crate::request::FieldPlace;
+
+/// A field while it is made.
+pub(super) struct Making {
+    gpu: Gpu,
+    shape: FieldShape,
+    motion: Motion,
+    store: Store,
+    /// `[images, cells, width]`: tokens of points that the head makes for the module, if it takes any.
+    tokens: Option<BufferSlice>,
+}
+
+const TOKENS: &str = "traj.point_tokens";
+
+impl Making {
+    /// Gives the head the rays of the images' corners, where it makes points of them.
+    pub(super) fn fill_head(
+        &self,
+        head: &Executable,
+        cameras: &[Camera],
+        first: usize,
+        count: usize,
+    ) -> Result<(), OmnixError> {
+        if head.plan().graph.find("camera_rays").is_none() {
+            return Ok(());
+        }
+        let mut corners = Vec::with_capacity(24 * count);
+        for camera in &cameras[first..first + count] {
+            corners.extend(corner_rays(camera, [self.shape.height, self.shape.width])?);
+        }
+        Ok(head.write_at("camera_rays", 0, &corners)?)
+    }
+
+    /// Takes an image's points and tokens from the head's outputs.
+    pub(super) fn take_head(
+        &mut self,
+        image: usize,
+        output: &dyn Fn(&str) -> Result<BufferSlice, OmnixError>,
+    ) -> Result<(), OmnixError> {
+        self.store.put(image, Part::Points, &output("points")?)?;
+        if let Some(tokens) = &self.tokens {
+            let from = output(TOKENS)?;
+            let offset = tokens.offset + image as u64 * from.size;
+            copy(&self.gpu, &from, &BufferSlice { offset, ..tokens.clone() });
+        }
+        Ok(())
+    }
+}
+
+impl Session {
+    /// Makes room for a field, if motion is wanted.
+    pub(super) fn start_motion(&self) -> Result<Option<Making>, OmnixError> {
+        let Some(plan) = &self.plan.motion else { return Ok(None) };
+        let gpu = self.engine.gpu();
+        let store = match &self.plan.request.field {
+            _ if plan.resident => Store::device(gpu, plan.shape),
+            FieldPlace::AutoIn(folder) | FieldPlace::Spool(folder) => Store::spool(gpu, plan.shape, folder)?,
+            FieldPlace::Auto | FieldPlace::Device => Store::spool(gpu, plan.shape, &std::env::temp_dir())?,
+        };
+        let graph = &plan.module.graph;
+        let tokens = match graph.find(TOKENS) {
+            Some(value) => {
+                let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+                Some(gpu.buffer(TOKENS, graph.shape(value).bytes(), usage)?.into())
+            }
+            None => None,
+        };
+        let motion = motion_of(self.weights.checkpoint())?;
+        Ok(Some(Making { gpu: gpu.clone(), shape: plan.shape, motion, store, tokens }))
+    }
+
+    /// The field of all images.
+    pub(super) fn run_motion(
+        &mut self,
+        kept: Kept,
+        mut making: Making,
+        progress: Listener<'_>,
+    ) -> Result<Field, OmnixError> {
+        self.run_module(&kept, &mut making, progress)?;
+        let confidence = self.run_sampling(&kept, &mut making, progress)?;
+        let Kept { features, cameras, .. } = kept;
+        drop(features);
+        self.engine.gpu().wait()?;
+        let times = &self.plan.request.times;
+        let images =
+            cameras.into_iter().zip(times).zip(confidence).map(|((camera, (video, frame)), confidence)| FieldImage {
+                video: *video,
+                frame: *frame,
+                time_s: None,
+                camera,
+                theta: Vec::new(),
+                confidence,
+                picture: None,
+            });
+        let weights = self.weights.checkpoint();
+        let about = About {
+            network: weights.network().config().name.clone(),
+            weights: weights.checkpoint().name().to_owned(),
+            unit: omnix_io::SinkOptions::default().unit,
+            note: weights.note().map(str::to_owned),
+        };
+        let room = self.plan.evaluation_room();
+        let Making { shape, motion, store, .. } = making;
+        let mut field = Field::new(&self.engine, (shape, motion), store, room, images.collect(), about);
+        field.score()?;
+        Ok(field)
+    }
+
+    /// Field and mask of every image.
+    fn run_module(&mut self, kept: &Kept, making: &mut Making, progress: Listener<'_>) -> Result<(), OmnixError> {
+        let store = self.weights.stage(Stage::Module, &self.plan, progress)?;
+        let Some(plan) = &self.plan.motion else { return Ok(()) };
+        let mut bindings: Bindings =
+            kept.features.iter().enumerate().map(|(k, f)| (format!("feat.{k}"), f.clone())).collect();
+        bindings.extend(making.tokens.take().map(|tokens| (TOKENS.to_owned(), tokens)));
+        let module = Executable::new(self.engine.gpu(), plan.module.clone(), store, &bindings)?;
+        module.run(&mut |done, total| progress(Progress { phase: Phase::Motion, done, total }))?;
+        for image in 0..making.shape.images {
+            making.store.put(image, Part::Field, &part(&module, "field", image, making.shape.images)?)?;
+            making.store.put(image, Part::Mask, &part(&module, "mask", image, making.shape.images)?)?;
+        }
+        self.engine.gpu().wait()?;
+        Ok(())
+    }
+
+    /// Offsets and weights of every image's pixels; their confidences.
+    fn run_sampling(
+        &mut self,
+        kept: &Kept,
+        making: &mut Making,
+        progress: Listener<'_>,
+    ) -> Result<Vec<Vec<f32>>, OmnixError> {
+        let store = self.weights.stage(Stage::Sampling, &self.plan, progress)?;
+        let Some(plan) = &self.plan.motion else { return Ok(Vec::new()) };
+        let (images, step) = (self.plan.request.images, plan.sampling_images);
+        let gpu = self.engine.gpu();
+        let sampling = Executable::new(gpu, plan.sampling.clone(), store, &Bindings::default())?;
+        let flops = sampling.plan().flops();
+        let total = flops * images.div_ceil(step) as u64;
+        let mut confidence = Vec::with_capacity(images);
+        for first in (0..images).step_by(step) {
+            let count = step.min(images - first);
+            self.fill(&sampling, &kept.features, first, count)?;
+            for i in 0..count {
+                for which in [Part::Field, Part::Mask] {
+                    making.store.give(first + i, which, &part(&sampling, which.name(), i, step)?)?;
+                }
+            }
+            let before = flops * (first / step) as u64;
+            sampling.run(&mut |done, _| progress(Progress { phase: Phase::Sampling, done: before + done, total }))?;
+            for i in 0..count {
+                for which in [Part::Offsets, Part::Weights] {
+                    making.store.put(first + i, which, &part(&sampling, which.name(), i, step)?)?;
+                }
+                confidence.push(run::read::<f32>(gpu, &part(&sampling, "traj_conf", i, step)?)?);
+            }
+        }
+        Ok(confidence)
+    }
+}

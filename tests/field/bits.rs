@@ -1,0 +1,136 @@
+//! One set of bits: evaluated at once, streamed in any chunks, chosen pixels alone, from the device, a spool or a saved file,
+//! whatever the chunks of the run.
+
+use omnix::{Chunk, Field, FieldPlace, FieldPrecision, Pixels, Query, Request, RunPlan, Weights};
+
+use crate::made::{HEIGHT, WIDTH, engine, field, request};
+
+const IMAGES: usize = 3;
+
+fn bits(numbers: &[f32]) -> Vec<u32> {
+    numbers.iter().map(|v| v.to_bits()).collect()
+}
+
+/// Everything a field can be asked for.
+fn all(field: &Field) -> Vec<Vec<u32>> {
+    let images = field.shape().images;
+    let of = |i: usize| {
+        let paths = field.paths(&Query::new(i, Pixels::All, 0..images)).unwrap();
+        let known = &field.images()[i];
+        [bits(&paths.positions), bits(&paths.theta), bits(&known.theta), bits(&known.confidence)]
+    };
+    (0..images).flat_map(of).collect()
+}
+
+#[test]
+fn a_point_stays_where_it_is_at_its_own_time() {
+    let field = field(&Weights::builtin().unwrap(), &request(IMAGES));
+    for i in 0..IMAGES {
+        let own = field.paths(&Query::new(i, Pixels::All, i..i + 1)).unwrap();
+        let points = field.points(i).unwrap();
+        let worst = own.positions.iter().zip(&points).fold(0.0f32, |w, (a, b)| w.max((a - b).abs()));
+        assert!(worst < 1e-4, "image {i}: {worst}");
+        assert!(own.positions.iter().chain(&own.theta).all(|v| v.is_finite()));
+    }
+}
+
+#[test]
+fn chunks_of_the_run_change_no_bit() {
+    let weights = Weights::builtin().unwrap();
+    let whole = all(&field(&weights, &request(IMAGES)));
+    for other in [
+        Request { parts: 4, ..request(IMAGES) },
+        Request { head_images: Some(2), sampling_images: Some(3), ..request(IMAGES) },
+        Request { keep_weights: false, ..request(IMAGES) },
+    ] {
+        assert!(whole == all(&field(&weights, &other)), "{other:?}");
+    }
+    let least = match RunPlan::new(&weights, &Request { budget: Some(1), ..request(IMAGES) }, engine().caps()) {
+        Err(omnix::OmnixError::Budget { least, .. }) => least,
+        other => panic!("a budget of one byte: {other:?}"),
+    };
+    let tight = Request { budget: Some(least), ..request(IMAGES) };
+    assert!(RunPlan::new(&weights, &tight, engine().caps()).unwrap().peak_bytes() <= least);
+    let tight = field(&weights, &tight);
+    assert!(whole == all(&tight), "the least budget");
+}
+
+#[test]
+fn a_file_gives_what_the_device_gives() {
+    let (weights, dir) = (Weights::builtin().unwrap(), tempfile::tempdir().unwrap());
+    let resident = field(&weights, &request(IMAGES));
+    let whole = all(&resident);
+    let spooled = field(&weights, &Request { field: FieldPlace::Spool(dir.path().to_owned()), ..request(IMAGES) });
+    assert!(resident.on_device() && !spooled.on_device());
+    assert!(whole == all(&spooled), "spooled");
+    let path = dir.path().join("field.safetensors");
+    for from in [&resident, &spooled] {
+        from.save(&path, FieldPrecision::F32).unwrap();
+        let opened = Field::open(&engine(), &path).unwrap();
+        assert!(whole == all(&opened), "saved and opened");
+        assert_eq!((opened.shape(), opened.motion(), opened.images()), (from.shape(), from.motion(), from.images()));
+    }
+    let long = std::fs::metadata(&path).unwrap().len();
+    resident.save(&path, FieldPrecision::F16).unwrap();
+    assert!(std::fs::metadata(&path).unwrap().len() < long * 6 / 10);
+    let opened = Field::open(&engine(), &path).unwrap();
+    let query = Query::new(1, Pixels::All, 0..IMAGES);
+    let (exact, half) = (resident.paths(&query).unwrap(), opened.paths(&query).unwrap());
+    let norm = |v: &mut dyn Iterator<Item = f32>| v.map(|x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
+    let off = norm(&mut exact.positions.iter().zip(&half.positions).map(|(a, b)| a - b));
+    assert!(off < 5e-3 * norm(&mut exact.positions.iter().copied()), "{off}");
+}
+
+#[test]
+fn chosen_pixels_and_times_are_parts_of_the_whole() {
+    let field = field(&Weights::builtin().unwrap(), &request(IMAGES));
+    let whole = field.paths(&Query::new(1, Pixels::All, 0..IMAGES)).unwrap();
+    let list = vec![[3, 5], [WIDTH as u32 - 1, HEIGHT as u32 - 1], [0, 0], [3, 5]];
+    let mut mask = vec![false; WIDTH * HEIGHT];
+    (0..mask.len()).step_by(7).for_each(|i| mask[i] = true);
+    for (pixels, times) in [
+        (Pixels::List(list), 0..IMAGES),
+        (Pixels::Mask(mask), 1..2),
+        (Pixels::Stride(5), 1..IMAGES),
+        (Pixels::Stride(1), 0..1),
+    ] {
+        let some = field.paths(&Query::new(1, pixels, times.clone())).unwrap();
+        let flat = some.pixels.clone().unwrap_or_else(|| (0..(WIDTH * HEIGHT) as u32).collect());
+        let expected: Vec<f32> = times
+            .flat_map(|t| flat.iter().map(move |p| 3 * (t * WIDTH * HEIGHT + *p as usize)))
+            .flat_map(|at| &whole.positions[at..at + 3])
+            .copied()
+            .collect();
+        assert_eq!(bits(&some.positions), bits(&expected));
+    }
+}
+
+#[test]
+fn chunks_of_an_evaluation_change_no_bit() {
+    let mut field = field(&Weights::builtin().unwrap(), &request(IMAGES));
+    let query = Query::new(2, Pixels::All, 0..IMAGES);
+    let whole = field.paths(&query).unwrap();
+    for chunk in
+        [Chunk { pixels: 100, times: 1 }, Chunk { pixels: 1, times: 2 }, Chunk { pixels: usize::MAX, times: 2 }]
+    {
+        // One pixel at a time takes a dispatch each: a few are enough.
+        let pixels = if chunk.pixels == 1 { Pixels::Stride(13) } else { Pixels::All };
+        let of_all = field.paths(&Query { pixels: pixels.clone(), ..query.clone() }).unwrap();
+        let some = field.paths(&Query { chunk: Some(chunk), pixels, ..query.clone() }).unwrap();
+        assert_eq!(bits(&some.positions), bits(&of_all.positions), "{chunk:?}");
+        assert_eq!(bits(&some.theta), bits(&of_all.theta), "{chunk:?}");
+    }
+    field.set_room(Some(1 << 20));
+    assert_eq!(bits(&field.paths(&query).unwrap().positions), bits(&whole.positions), "a mebibyte of room");
+}
+
+#[test]
+fn queries_outside_are_refused_by_name() {
+    let field = field(&Weights::builtin().unwrap(), &request(2));
+    let reason = |query: &Query| field.paths(query).unwrap_err().to_string();
+    assert!(reason(&Query::new(2, Pixels::All, 0..2)).contains("images go from 0 to 1"));
+    assert!(reason(&Query::new(0, Pixels::All, 0..3)).contains("times 0..2"));
+    assert!(reason(&Query::new(0, Pixels::List(vec![[WIDTH as u32, 0]]), 0..2)).contains("columns go from 0 to 55"));
+    assert!(reason(&Query::new(0, Pixels::Mask(vec![true; 3]), 0..2)).contains("a mask of 3 pixels"));
+    assert!(reason(&Query::new(0, Pixels::Stride(0), 0..2)).contains("stride"));
+}
