@@ -249,7 +249,7 @@ pub enum IoError {
 
 impl IoError {
     /// Wraps a failed write: a full disk or an exceeded quota gets a name of its own.
-    pub(crate) fn write(path: impl Into<PathBuf>, source: io::Error) -> Self {
+    pub fn write(path: impl Into<PathBuf>, source: io::Error) -> Self {
         let path = path.into();
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::DiskFull { path, source },

@@ -31,6 +31,8 @@ pub struct ManifestFrame {
     pub video: u32,
     /// Frame number among the chosen frames of its video.
     pub frame: u32,
+    /// Global time: the target time at which points are as in this image.
+    pub time: usize,
     /// Frame number in its file or folder.
     pub source_frame: u32,
     /// Presentation time in seconds; null for pictures.
@@ -53,6 +55,7 @@ impl ManifestFrame {
             index: f.index,
             video: f.video,
             frame: f.frame,
+            time: f.index,
             source_frame: f.source_frame,
             time_s: f.time_s,
             source: f.path.clone(),
@@ -122,7 +125,7 @@ pub fn write_manifest(dir: &Path, manifest: &Manifest) -> Result<PathBuf, IoErro
             "pixel_positions": "whole numbers: the centre of the top left pixel is (0, 0)",
             "depth": "along the camera's z axis, not along the ray",
             "tum": "camera-to-world",
-            "times": "global index = order of processing; (video, frame) counts inputs and chosen frames from 0; time_s in seconds",
+            "times": "global index = order of processing = global time, of which there is one an image; (video, frame) counts inputs and chosen frames from 0; time_s in seconds",
         },
         "unit_of_length": manifest.unit,
         "settings": manifest.settings,
@@ -151,6 +154,11 @@ fn contents(name: &str) -> &'static str {
             "depth f32 [S,H,W] (8 decimals), conf f32 [S,H,W] (2 decimals), extrinsics f32 [S,3,4], intrinsics f32 [S,3,3]"
         }
         "points.ply" => "points of all images in the world of the extrinsics: x y z, red green blue, confidence",
+        "scene.omx4d" => "moving points for web viewers: OMX4D version 1, axes x right, y up, z backward",
+        "scene.html" => "a viewer of the moving points, complete in one file: open it in a browser",
+        "field.safetensors" => {
+            "what paths of points are evaluated from (omnix query); layout in its documentation and header"
+        }
         "scene.glb" => "points and cameras in glTF axes of the first image's camera, centred on the points' median",
         "frame_times.csv" => "video, frame and presentation time of every image",
         "depth/depth.json" => "scale and range of every depth picture: 16-bit value * scale = depth, 0 = no depth",
@@ -160,6 +168,14 @@ fn contents(name: &str) -> &'static str {
         _ if name.starts_with("depth_color/") => {
             "inverse depth, 2nd to 98th percentile, Spectral: near red, far violet, no depth black"
         }
+        _ if name.starts_with("exports/tracks/") => {
+            "trajectory f32 [T,N,3] (of all pixels [T,H,W,3]) in the world of the extrinsics, pixel i32 [N,2] column and row, confidence, theta, moving, rgb; times, cameras"
+        }
+        _ if name.starts_with("exports/st4rtrack/") => {
+            "f32: pts3d1 image 0's pixels at each time, pts3d2 each image's own, [H,W,6] x y z r g b; conf1, conf2 [H,W]"
+        }
+        _ if name.starts_with("masks/") => "8-bit grey: 255 where the pixel moves",
+        _ if name.starts_with("theta/") => "16-bit grey: motion score, 65535 = 1",
         _ if name.ends_with(".tum") => "timestamp tx ty tz qx qy qz qw of every image, camera-to-world",
         _ => "see the name",
     }

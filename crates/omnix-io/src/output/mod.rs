@@ -21,6 +21,7 @@ mod motion_out;
 mod npy;
 mod npz;
 mod omx4d;
+pub mod paths;
 mod ply;
 mod sample;
 mod st4rtrack;
@@ -70,9 +71,11 @@ pub enum Export {
     Masks,
     /// `scene.html`: a viewer of moving points in one file.
     Html,
+    /// `field.safetensors`: what paths of points are evaluated from, whole.
+    Field,
 }
 
-const EXPORTS: [Export; 11] = [
+const EXPORTS: [Export; 12] = [
     Export::Npz,
     Export::MiniNpz,
     Export::Depth,
@@ -84,6 +87,7 @@ const EXPORTS: [Export; 11] = [
     Export::Omx4d,
     Export::Masks,
     Export::Html,
+    Export::Field,
 ];
 
 impl Export {
@@ -102,6 +106,7 @@ impl Export {
             Self::Omx4d => "omx4d",
             Self::Masks => "masks",
             Self::Html => "html",
+            Self::Field => "field",
         }
     }
 
@@ -134,7 +139,7 @@ impl FromStr for Export {
         EXPORTS.into_iter().find(|e| e.name() == name).ok_or_else(|| IoError::UnknownName {
             what: "export",
             name: name.to_owned(),
-            known: "npz, mini_npz, depth, ply, glb, tum, tracks, st4rtrack, omx4d, masks, html",
+            known: "npz, mini_npz, depth, ply, glb, tum, tracks, st4rtrack, omx4d, masks, html, field",
         })
     }
 }
@@ -275,7 +280,9 @@ pub fn open_sinks(exports: &[Export], dir: &Path, options: &SinkOptions) -> Resu
             Export::Ply => Box::new(ply::PlySink::new(dir, options)?),
             Export::Glb => Box::new(glb::GlbSink::new(dir, options)),
             Export::Tum => Box::new(tum::TumSink::new(dir)),
-            Export::Tracks | Export::St4rtrack | Export::Omx4d | Export::Masks | Export::Html => continue,
+            Export::Tracks | Export::St4rtrack | Export::Omx4d | Export::Masks | Export::Html | Export::Field => {
+                continue;
+            }
         });
     }
     Ok(sinks)

@@ -57,10 +57,10 @@ impl Export {
     /// Whether it needs a network with trajectories, so that others can be refused before the run. `glb` does without.
     #[must_use]
     pub fn needs_motion(self) -> bool {
-        self != Self::Glb && self.motion_input().is_some()
+        self == Self::Field || (self != Self::Glb && self.motion_input().is_some())
     }
 
-    /// What it takes of a run with motion; none if it has no use for it. `glb` is written from points when there is motion, in place
+    /// What it takes of a run with motion; none if it has no use for it, or is written by the engine (`field`). `glb` is written from points when there is motion, in place
     /// of its sink's still scene.
     #[must_use]
     pub fn motion_input(self) -> Option<MotionInput> {
