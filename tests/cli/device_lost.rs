@@ -16,7 +16,7 @@ fn session() -> (Engine, Session) {
 }
 
 #[track_caller]
-fn lost(outcome: Result<(), OmnixError>) {
+fn lost<T: std::fmt::Debug>(outcome: Result<T, OmnixError>) {
     let error = outcome.unwrap_err();
     assert!(matches!(error, OmnixError::Kernel(KernelError::DeviceLost { .. })), "{error:?}");
     assert!(error.to_string().contains("--device"), "names a cure: {error}");

@@ -10,3 +10,4 @@ mod device_lost;
 mod happy;
 mod interrupted;
 mod limits;
+mod motion;

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use omnix::io::Export;
 use omnix::io::preprocess::ResizeMethod;
-use omnix::{ReferenceChoice, WeightType};
+use omnix::{FieldPrecision, ReferenceChoice, WeightType};
 
 use crate::{bytes, cmd, error};
 
-/// Any-view reconstruction on any GPU: depth, cameras and points from images and videos of a scene.
+/// Any-view, any-time reconstruction on any GPU: depth, cameras and moving points from images and videos of a scene.
 #[derive(Debug, Parser)]
 #[command(name = "omnix", version, after_help = error::EXIT_CODES, arg_required_else_help = true)]
 pub(crate) struct Cli {
@@ -20,8 +20,10 @@ pub(crate) struct Cli {
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Depth, cameras and points of images, folders and videos, written to a folder.
+    /// Depth, cameras and moving points of images, folders and videos, written to a folder.
     Reconstruct(cmd::reconstruct::ReconstructArgs),
+    /// Paths of points from a saved field: of one image, the pixels and times asked for.
+    Query(cmd::query::QueryArgs),
     /// What a run would take: memory, operations, chunks and files. Needs no GPU.
     Plan(cmd::plan::PlanArgs),
     /// The devices of this machine: which will do, which not, and why.
@@ -38,6 +40,7 @@ impl Command {
     pub(crate) fn json(&self) -> bool {
         match self {
             Self::Reconstruct(args) => args.run.json,
+            Self::Query(args) => args.json,
             Self::Plan(args) => args.run.json,
             Self::Devices(args) => args.json,
             Self::Weights(command) => command.json(),
@@ -83,15 +86,24 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "WxH", help_heading = "Picture size", value_parser = size)]
     pub(crate) size: Option<(u32, u32)>,
 
-    /// What to write, a comma between: npz, mini_npz, depth, ply, glb, tum. manifest.json is always written.
-    #[arg(long, value_name = "LIST", default_value = "depth,glb,npz", help_heading = "Output", value_parser = exports)]
-    pub(crate) export: Exports,
-    /// At most N points in ply and glb. [default: all in ply, 1000000 in glb]
+    /// What to write, a comma between: npz, mini_npz, depth, ply, glb, tum; of networks with trajectories also tracks,
+    /// st4rtrack, omx4d, masks, html, field. manifest.json is always written. [default: depth,glb,npz, and html where there
+    /// are trajectories]
+    #[arg(long, value_name = "LIST", help_heading = "Output", value_parser = exports)]
+    export: Option<Exports>,
+    /// At most N points in ply and glb, and followed in tracks, omx4d, html and a glb that moves (those that move first).
+    /// [default: all in ply, 1000000 in a still glb, 100000 followed]
     #[arg(long, value_name = "N", help_heading = "Output", value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
     pub(crate) points: Option<u64>,
     /// Leave points below this percentile of confidence out of ply and glb. [default: 0 in ply, 40 in glb]
     #[arg(long, value_name = "P", help_heading = "Output", value_parser = percentile)]
     pub(crate) conf_percentile: Option<f32>,
+    /// Follow every pixel in tracks: T x H x W points an image.
+    #[arg(long, help_heading = "Output")]
+    pub(crate) all_tracks: bool,
+    /// Numbers of field.safetensors. f16 halves it; paths read from it then differ in the third digit of a pixel's place.
+    #[arg(long, value_name = "TYPE", default_value = "f32", help_heading = "Output")]
+    pub(crate) field_type: FieldType,
 
     /// Device memory that the run may take, such as 4GiB; chunks are cut to fit. [default: on software devices 80 % of the
     /// free memory]
@@ -103,17 +115,47 @@ pub(crate) struct RunArgs {
 
     /// One JSON object a line on standard output, nothing for people.
     ///
-    /// Its `event` is one of: note {message}; plan {images, image_size, peak_bytes, weight_bytes, backbone_flops,
-    /// head_flops, outputs, ...}; device {name, backend, driver, kind, tier}; progress {phase: read|weights|backbone|head,
-    /// done, total, seconds}; frame {index, video, frame, time_s, depth_min, depth_max, seconds}; done {dir, files, manifest,
+    /// Its `event` is one of: note {message}; plan {images, image_size, peak_bytes, weight_bytes, flops, stages,
+    /// field, outputs, ...}; device {name, backend, driver, kind, tier}; progress {phase:
+    /// read|weights|backbone|head|motion|sampling|exports, done, total, seconds}; frame {index, video, frame, time_s,
+    /// depth_min, depth_max, seconds}; motion {index, moving, pixels}; done {dir, files, manifest,
     /// images, timings_s, note}; error {kind, exit_code, message, causes}. The last line is done or error.
     #[arg(long)]
     pub(crate) json: bool,
 }
 
+impl RunArgs {
+    /// What to write, of a network that has trajectories or not.
+    pub(crate) fn exports(&self, trajectories: bool) -> Vec<Export> {
+        match &self.export {
+            Some(asked) => asked.0.clone(),
+            None if trajectories => vec![Export::Depth, Export::Glb, Export::Npz, Export::Html],
+            None => vec![Export::Depth, Export::Glb, Export::Npz],
+        }
+    }
+}
+
 /// `--export`, parsed.
 #[derive(Debug, Clone)]
-pub(crate) struct Exports(pub(crate) Vec<Export>);
+struct Exports(Vec<Export>);
+
+/// `--field-type`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FieldType {
+    /// 32 bits.
+    F32,
+    /// 16 bits.
+    F16,
+}
+
+impl From<FieldType> for FieldPrecision {
+    fn from(value: FieldType) -> Self {
+        match value {
+            FieldType::F32 => Self::F32,
+            FieldType::F16 => Self::F16,
+        }
+    }
+}
 
 /// `--weights-type`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -161,11 +203,7 @@ fn method(text: &str) -> Result<ResizeMethod, String> {
 
 fn exports(text: &str) -> Result<Exports, String> {
     let list = Export::parse_list(text).map_err(|e| e.to_string())?;
-    if list.is_empty() {
-        Err("name at least one of npz, mini_npz, depth, ply, glb, tum".to_owned())
-    } else {
-        Ok(Exports(list))
-    }
+    if list.is_empty() { Err("name at least one, such as depth,npz,html".to_owned()) } else { Ok(Exports(list)) }
 }
 
 fn percentile(text: &str) -> Result<f32, String> {

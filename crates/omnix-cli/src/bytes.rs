@@ -27,7 +27,11 @@ pub(crate) fn parse(text: &str) -> Result<u64, String> {
 /// For people: `312 MiB`, `2.3 GiB`.
 pub(crate) fn show(bytes: u64) -> String {
     let mib = bytes as f64 / f64::from(1u32 << 20);
-    if mib >= 1024.0 { format!("{:.1} GiB", mib / 1024.0) } else { format!("{:.0} MiB", mib.ceil()) }
+    match mib {
+        m if m >= 1024.0 => format!("{:.1} GiB", m / 1024.0),
+        m if m >= 1.0 => format!("{:.0} MiB", m.ceil()),
+        _ => format!("{} KiB", bytes.div_ceil(1024)),
+    }
 }
 
 /// Memory that the system could give now; none where it does not say (other systems than Linux).
@@ -56,7 +60,7 @@ mod tests {
 
     #[test]
     fn shown_rounded() {
-        assert_eq!(show(1), "1 MiB");
+        assert_eq!(show(1), "1 KiB");
         assert_eq!(show(3 << 29), "1.5 GiB");
     }
 }

@@ -7,6 +7,8 @@ use omnix::graph::GraphError;
 use omnix::io::IoError;
 use omnix::kernels::KernelError;
 
+use crate::bytes;
+
 /// Shown by `--help`.
 pub(crate) const EXIT_CODES: &str = "\
 Exit codes:
@@ -78,6 +80,27 @@ pub(crate) enum CliError {
         /// The system's error.
         source: std::io::Error,
     },
+    /// The disk has no room for what a run would write.
+    #[error(
+        "the results would take about {} and {} has {} free: free some, choose another --out, or ask for less (--export, --points)",
+        bytes::show(*needed), dir.display(), bytes::show(*free)
+    )]
+    DiskSpace {
+        /// Bytes that the exports would take, roughly.
+        needed: u64,
+        /// Bytes that may be written.
+        free: u64,
+        /// The output folder.
+        dir: PathBuf,
+    },
+    /// Ctrl-C after the geometry.
+    #[error("interrupted: depth and cameras of all {images} images were finished and can be read in {}; what moves was not", dir.display())]
+    MotionInterrupted {
+        /// Images in all.
+        images: usize,
+        /// The output folder.
+        dir: PathBuf,
+    },
     /// Ctrl-C.
     #[error("interrupted: {finished} of {images} images were finished and can be read in {}", dir.display())]
     Interrupted {
@@ -116,8 +139,8 @@ impl CliError {
             Self::Usage(_) => 2,
             Self::TinyPicture { .. } | Self::BadWeights { .. } => 3,
             Self::TooLarge { .. } | Self::TooMuch { .. } => 5,
-            Self::Stdout(_) | Self::File { .. } => 6,
-            Self::Interrupted { .. } => 130,
+            Self::Stdout(_) | Self::File { .. } | Self::DiskSpace { .. } => 6,
+            Self::Interrupted { .. } | Self::MotionInterrupted { .. } => 130,
         }
     }
 
@@ -147,7 +170,7 @@ fn library_code(error: &OmnixError) -> u8 {
         OmnixError::Model(omnix::model::ModelError::Request { .. }) => 2,
         OmnixError::Model(_) | OmnixError::Weights(_) | OmnixError::NonFinite { .. } => 3,
         OmnixError::Io(io) => file_code(io),
-        OmnixError::Request { .. } => 2,
+        OmnixError::Request { .. } | OmnixError::NoMotion { .. } | OmnixError::Query { .. } => 2,
         OmnixError::Interrupted => 130,
         _ => 1,
     }

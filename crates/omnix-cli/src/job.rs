@@ -19,6 +19,8 @@ pub(crate) struct Job {
     pub(crate) weights: Weights,
     pub(crate) preparation: Preparation,
     pub(crate) request: Request,
+    /// What to write.
+    pub(crate) exports: Vec<Export>,
 }
 
 /// Searching for the number of frames that fit takes no longer.
@@ -38,7 +40,8 @@ impl Job {
         let (width, height) = preparation.size();
         let mut request = request(args, input.frames.len(), width, height);
         request.times = input.frames.iter().map(|f| (f.video, f.frame)).collect();
-        Ok(Self { input, weights, preparation, request })
+        let exports = chosen_exports(args, &weights, &mut request)?;
+        Ok(Self { input, weights, preparation, request, exports })
     }
 
     /// Plans within the budget; says what would fit if this does not.
@@ -78,6 +81,25 @@ impl Job {
     }
 }
 
+/// The exports of a run; where one of them moves, motion is asked for.
+pub(crate) fn chosen_exports(
+    args: &RunArgs,
+    weights: &Weights,
+    request: &mut Request,
+) -> Result<Vec<Export>, CliError> {
+    let network = weights.network().config();
+    let trajectories = network.trajectory.is_some();
+    let exports = args.exports(trajectories);
+    if exports.iter().any(|e| e.needs_motion()) && !trajectories {
+        return Err(OmnixError::NoMotion { network: network.name.clone() }.into());
+    }
+    if args.all_tracks && !exports.contains(&Export::Tracks) {
+        return Err(CliError::Usage("--all-tracks is for the export `tracks`: add it to --export".to_owned()));
+    }
+    request.motion = trajectories && exports.iter().any(|e| e.needs_motion() || e.motion_input().is_some());
+    Ok(exports)
+}
+
 /// The request of `images` pictures under these options; one video in order.
 pub(crate) fn request(args: &RunArgs, images: usize, width: u32, height: u32) -> Request {
     Request {
@@ -85,6 +107,8 @@ pub(crate) fn request(args: &RunArgs, images: usize, width: u32, height: u32) ->
         rays: args.cameras == Cameras::Rays,
         storage: args.weights_type.into(),
         budget: args.memory_budget,
+        // One run: a stage's weights leave when it is done.
+        keep_weights: false,
         ..Request::new(images, height as usize, width as usize)
     }
 }
@@ -142,26 +166,31 @@ pub(crate) fn seconds(flops: u64, tier: Tier) -> f64 {
 pub(crate) fn describe(plan: &RunPlan) -> String {
     let s = plan.summary();
     let [height, width] = s.image_size;
-    let chunks = match s.chunk_rows.as_slice() {
-        [] => "whole".to_owned(),
-        rows => format!("{} part(s), chunks of {rows:?} rows", s.backbone_parts),
-    };
-    format!(
-        "{} image(s) of {width}x{height}, {} tokens\n\
-         memory  {} at most: weights {}, network {}, heads {}\n\
-         work    {:.1} GFLOP: network {:.1}, heads {:.1}\n\
-         chunks  network: {chunks}; heads: {} image(s) at a time",
-        s.images,
-        s.tokens,
-        bytes::show(s.peak_bytes),
-        bytes::show(s.weight_bytes),
-        bytes::show(s.backbone_bytes),
-        bytes::show(s.head_bytes),
-        (s.backbone_flops + s.head_flops) as f64 / 1e9,
-        s.backbone_flops as f64 / 1e9,
-        s.head_flops as f64 / 1e9,
-        s.head_images,
-    )
+    let mut lines = vec![
+        format!("{} image(s) of {width}x{height}, {} tokens", s.images, s.tokens),
+        format!("memory  {} at most; weights {} in all", bytes::show(s.peak_bytes), bytes::show(s.weight_bytes)),
+        format!("work    {:.1} GFLOP", s.flops as f64 / 1e9),
+    ];
+    for stage in &s.stages {
+        let parts = match stage.chunk_rows.as_slice() {
+            [] => String::new(),
+            rows if stage.parts > 1 => format!(", chunks of {rows:?} rows"),
+            _ => ", rows whole".to_owned(),
+        };
+        lines.push(format!(
+            "  {:<10} {:>9}, of them weights {:>9}; {:>9.1} GFLOP; {} image(s) at a time{parts}",
+            stage.name,
+            bytes::show(stage.bytes),
+            bytes::show(stage.weight_bytes),
+            stage.flops as f64 / 1e9,
+            stage.images,
+        ));
+    }
+    if let Some(field) = &s.field {
+        let place = if field.on_device { "on the device" } else { "in a file beside the results, an image at a time" };
+        lines.push(format!("field   {}, {place}", bytes::show(field.bytes)));
+    }
+    lines.join("\n")
 }
 
 /// The same for machines, with names of the outputs.
@@ -192,6 +221,15 @@ pub(crate) fn files_of(exports: &[Export], images: usize) -> Vec<String> {
             Export::Ply => files.push("points.ply".to_owned()),
             Export::Glb => files.push("scene.glb".to_owned()),
             Export::Tum => files.extend(["trajectory.tum".to_owned(), "frame_times.csv".to_owned()]),
+            Export::Tracks => files.push(format!("exports/tracks/000000.npz to exports/tracks/{last:06}.npz")),
+            Export::St4rtrack => files.push("exports/st4rtrack/".to_owned()),
+            Export::Omx4d => files.push("scene.omx4d".to_owned()),
+            Export::Masks => files.extend([
+                format!("masks/000000.png to masks/{last:06}.png"),
+                format!("theta/000000.png to theta/{last:06}.png"),
+            ]),
+            Export::Html => files.push("scene.html".to_owned()),
+            Export::Field => files.push("field.safetensors".to_owned()),
             other => files.push(other.to_string()),
         }
     }

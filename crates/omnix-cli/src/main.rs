@@ -3,6 +3,7 @@
 mod args;
 mod bytes;
 mod cmd;
+mod disk;
 mod error;
 mod job;
 mod prepare;

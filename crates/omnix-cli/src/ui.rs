@@ -95,6 +95,11 @@ impl Ui {
         }
     }
 
+    /// Name of the phase that runs.
+    pub(crate) fn phase(&self) -> Option<&'static str> {
+        self.phase.as_ref().map(|p| p.name)
+    }
+
     /// `done` of `total` units of the phase.
     pub(crate) fn progress(&mut self, done: u64, total: u64) {
         let Some(phase) = &mut self.phase else { return };

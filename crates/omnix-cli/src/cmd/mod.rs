@@ -3,6 +3,7 @@
 pub(crate) mod bench;
 pub(crate) mod devices;
 pub(crate) mod plan;
+pub(crate) mod query;
 pub(crate) mod reconstruct;
 pub(crate) mod weights;
 
@@ -14,6 +15,7 @@ use crate::ui::Ui;
 pub(crate) fn run(command: Command, ui: &mut Ui) -> Result<(), CliError> {
     match command {
         Command::Reconstruct(args) => reconstruct::run(&args, ui),
+        Command::Query(args) => query::run(&args, ui),
         Command::Plan(args) => plan::run(&args, ui),
         Command::Devices(args) => devices::run(&args, ui),
         Command::Weights(command) => weights::run(&command, ui),

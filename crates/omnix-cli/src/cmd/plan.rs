@@ -52,23 +52,23 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
         Some(device) => Engine::open(Some(device))?.caps().clone(),
         None => args.device_class.caps(),
     };
-    let (plan, weights) = if let (Some(images), Some((width, height))) = (args.images, args.run.size) {
+    let (plan, weights, exports) = if let (Some(images), Some((width, height))) = (args.images, args.run.size) {
         let weights = Weights::find(&args.run.weights)?;
-        let request = job::request(&args.run, images, width, height);
-        (RunPlan::new(&weights, &request, &caps)?, weights)
+        let mut request = job::request(&args.run, images, width, height);
+        let exports = job::chosen_exports(&args.run, &weights, &mut request)?;
+        (RunPlan::new(&weights, &request, &caps)?, weights, exports)
     } else {
         let mut job = Job::new(&args.inputs, &args.run, ui)?;
         // Only what was asked for bounds a plan; the machine's free memory is the business of a run.
-        (job.plan(&args.run, &caps, false)?, job.weights)
+        (job.plan(&args.run, &caps, false)?, job.weights, job.exports)
     };
-    let exports = &args.run.export.0;
     if ui.json() {
-        ui.event("plan", job::plan_event(&plan, &weights, exports, args.run.memory_budget));
+        ui.event("plan", job::plan_event(&plan, &weights, &exports, args.run.memory_budget));
         ui.event("done", json!({}));
         return Ok(());
     }
     let network = &weights.network().config().name;
-    let files = job::files_of(exports, plan.request.images).join(", ");
+    let files = job::files_of(&exports, plan.request.images).join(", ");
     let seconds = job::seconds(plan.flops(), caps.tier);
     let guess = match seconds {
         s if s < 120.0 => format!("{:.0} s", s.ceil()),

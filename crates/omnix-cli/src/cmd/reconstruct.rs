@@ -2,24 +2,29 @@
 //!
 //! Everything that can be wrong is looked for before work begins, in this order: inputs, weights, sizes, device, memory,
 //! output folder; then every picture is decoded, and only then does the network run. Results go out image by image; however
-//! a run ends, the exports of what was finished are completed and `manifest.json` says how far it came.
+//! a run ends, the exports of what was finished are completed and `manifest.json` says how far it came. Motion comes last:
+//! when it begins, everything about geometry has been written.
+
+mod manifest;
+mod motion;
 
 use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
 use omnix::geometry::{RayMaps, cameras_from_rays, sample_table};
-use omnix::io::output::manifest::{Manifest, ManifestFrame, Weights as ManifestWeights};
 use omnix::io::preprocess::{exported_picture, normalise};
 use omnix::io::{FrameLoader, FrameResult, Picture, RunSummary, Sink, SinkOptions, open_sinks, write_manifest};
-use omnix::{Camera, DeviceInfo, Engine, FrameGeometry, OmnixError, Phase, RunPlan, Session};
+use omnix::{Camera, DeviceInfo, Engine, Field, FieldPlace, FrameGeometry, OmnixError, Phase, RunPlan, Session};
 use serde_json::{Map, Value, json};
 
 use crate::args::{OutArgs, RunArgs};
 use crate::error::CliError;
 use crate::job::{self, Job};
 use crate::ui::Ui;
-use crate::{bytes, stop};
+use crate::{bytes, disk, stop};
+
+pub(crate) use motion::FOLLOWED;
 
 /// Arguments of `omnix reconstruct`.
 #[derive(Debug, Args)]
@@ -42,6 +47,12 @@ struct Run<'a> {
     info: DeviceInfo,
     sinks: Vec<Box<dyn Sink>>,
     finished: usize,
+    /// What the exports show, where it is not the camera decoder's.
+    cameras: Vec<Camera>,
+    /// Files that were written.
+    files: Vec<PathBuf>,
+    /// What the manifest says of motion.
+    motion: Value,
     timings: Map<String, Value>,
 }
 
@@ -53,34 +64,50 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     let engine = Engine::open(args.run.device.as_deref())?;
     let info = engine.info();
     let cpu = engine.gpu().device.adapter_info().device_type == omnix::wgpu::DeviceType::Cpu;
+    // A field that does not fit the budget goes beside the results: that disk is known to have room.
+    job.request.field = FieldPlace::AutoIn(args.out.out.clone());
     let plan = job.plan(&args.run, engine.caps(), cpu)?;
     job.check_work(&plan, &args.run, engine.caps().tier)?;
     announce(&job, &plan, args, &info, ui);
     let options = sink_options(&args.run);
-    let sinks = open_sinks(&args.run.export.0, &args.out.out, &options)?;
-    let mut run = Run { job: &job, args, info, sinks, finished: 0, timings: Map::new() };
-    let outcome = run.work(&engine, plan, ui);
+    let sinks = open_sinks(&job.exports, &args.out.out, &options)?;
+    disk::check(&args.out.out, disk::wanted(&job, &args.run, &plan))?;
+    let mut run = Run {
+        job: &job,
+        args,
+        info,
+        sinks,
+        finished: 0,
+        cameras: Vec::new(),
+        files: Vec::new(),
+        motion: Value::Null,
+        timings: Map::new(),
+    };
+    let outcome = run.work(&engine, plan, &options.unit, ui);
     ui.end();
     run.timings.insert("total".to_owned(), json!(since.elapsed().as_secs_f64()));
     let written = run.finish(outcome.is_err(), &options.unit);
+    let (finished, images, dir) = (run.finished, job.request.images, args.out.out.clone());
     // A failure of the run says more than one of completing its files.
     match outcome {
-        Err(CliError::Omnix(OmnixError::Interrupted)) => {}
+        Err(CliError::Omnix(OmnixError::Interrupted)) => {
+            written?;
+            return Err(if finished < images {
+                CliError::Interrupted { finished, images, dir }
+            } else {
+                CliError::MotionInterrupted { images, dir }
+            });
+        }
         Err(error) => return Err(error),
         Ok(()) => {}
     }
-    let files = written?;
-    let (finished, images) = (run.finished, job.request.images);
-    if finished < images {
-        return Err(CliError::Interrupted { finished, images, dir: args.out.out.clone() });
-    }
-    report(&run, &files, since, ui);
+    report(&run, &written?, since, ui);
     Ok(())
 }
 
 /// Tells what is about to happen.
 fn announce(job: &Job, plan: &RunPlan, args: &ReconstructArgs, info: &DeviceInfo, ui: &mut Ui) {
-    ui.event("plan", job::plan_event(plan, &job.weights, &args.run.export.0, job.request.budget));
+    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, job.request.budget));
     ui.event("device", serde_json::to_value(info).unwrap_or_default());
     let network = &job.weights.network().config().name;
     ui.say(&format!(
@@ -122,8 +149,8 @@ fn sink_options(args: &RunArgs) -> SinkOptions {
 }
 
 impl Run<'_> {
-    /// Decodes, uploads, runs, and feeds the sinks.
-    fn work(&mut self, engine: &Engine, plan: RunPlan, ui: &mut Ui) -> Result<(), CliError> {
+    /// Decodes, uploads, runs, feeds the sinks, and exports what moves.
+    fn work(&mut self, engine: &Engine, plan: RunPlan, unit: &str, ui: &mut Ui) -> Result<(), CliError> {
         let pictures = self.read(ui)?;
         let request = &self.job.request;
         ui.begin("weights", "loading weights, compiling kernels");
@@ -139,7 +166,16 @@ impl Run<'_> {
         }
         drop(numbers);
         self.timings.insert("weights".to_owned(), json!(ui.end()));
-        self.network(&mut session, &pictures, ui)
+        let field = self.network(&mut session, &pictures, ui)?;
+        // Its memory goes back before paths are evaluated.
+        drop(session);
+        match field {
+            Some(field) => {
+                self.close_sinks(false)?;
+                self.export_motion(field, pictures, unit, ui)
+            }
+            None => Ok(()),
+        }
     }
 
     /// Every picture at the network's size, 8 bits a channel.
@@ -161,7 +197,7 @@ impl Run<'_> {
     }
 
     /// The network, and each image's results into the sinks.
-    fn network(&mut self, session: &mut Session, pictures: &[Picture], ui: &mut Ui) -> Result<(), CliError> {
+    fn network(&mut self, session: &mut Session, pictures: &[Picture], ui: &mut Ui) -> Result<Option<Field>, CliError> {
         let since = Instant::now();
         let request = &self.job.request;
         let (gh, gw) = request.grid();
@@ -169,15 +205,15 @@ impl Run<'_> {
         let table = request.rays.then(|| sample_table(rays_size[0] * rays_size[1]));
         let image = [request.height as u32, request.width as u32];
         let (frames, sinks, finished) = (&self.job.input.frames, &mut self.sinks, &mut self.finished);
-        ui.begin("backbone", "network over all images");
+        let (cameras, timings) = (&mut self.cameras, &mut self.timings);
         // Both callbacks of the session talk to the user, one at a time.
         let ui = std::cell::RefCell::new(ui);
-        let mut heads_since = None;
+        let mut phase = None;
         let mut heard = |p: omnix::Progress| {
             let mut ui = ui.borrow_mut();
-            if p.phase == Phase::Head && heads_since.is_none() {
-                heads_since = Some(since.elapsed().as_secs_f64());
-                ui.begin("head", "depth, image by image");
+            if phase.replace(p.phase) != Some(p.phase) {
+                let (name, text) = said(p.phase);
+                begin(timings, &mut ui, name, text);
             }
             ui.progress(p.done, p.total);
             stop::flow()
@@ -209,6 +245,7 @@ impl Run<'_> {
             for sink in sinks.iter_mut() {
                 sink.frame(&result)?;
             }
+            cameras.push(camera);
             *finished = index + 1;
             let (min, max) = range(&geometry.depth);
             let fields = json!({
@@ -219,72 +256,59 @@ impl Run<'_> {
             Ok(())
         };
         let outcome = session.run(&mut heard, &mut each);
-        let (all, heads_since) = (since.elapsed().as_secs_f64(), heads_since.unwrap_or(0.0));
-        self.timings.insert("backbone".to_owned(), json!(heads_since));
-        self.timings.insert("heads_and_exports".to_owned(), json!(all - heads_since));
+        let ui = ui.into_inner();
+        begin(timings, ui, "", "");
         Ok(outcome?)
     }
 
-    /// Completes the exports and writes the manifest; on failure tries all of it and returns the first error.
-    fn finish(&mut self, interrupted: bool, unit: &str) -> Result<Vec<PathBuf>, CliError> {
-        let interrupted = interrupted || self.finished < self.job.request.images;
-        let mut files = Vec::new();
+    /// Completes the sinks' files; on failure tries all of it and returns the first error.
+    fn close_sinks(&mut self, interrupted: bool) -> Result<(), CliError> {
         let mut failed = None;
         for sink in std::mem::take(&mut self.sinks) {
             match sink.finish(&RunSummary { interrupted }) {
-                Ok(written) => files.extend(written),
+                Ok(written) => self.files.extend(written),
                 Err(error) => failed = failed.or(Some(error)),
             }
         }
-        let manifest = self.manifest(files, interrupted || failed.is_some(), unit);
-        let written = write_manifest(&self.args.out.out, &manifest);
-        let mut files = manifest.files;
-        match (failed, written) {
-            (None, Ok(path)) => {
-                files.push(path);
-                Ok(files)
-            }
-            (Some(error), _) | (None, Err(error)) => Err(error.into()),
-        }
+        failed.map_or(Ok(()), |error| Err(error.into()))
     }
 
-    fn manifest(&self, files: Vec<PathBuf>, interrupted: bool, unit: &str) -> Manifest {
-        let (job, args) = (self.job, &self.args.run);
-        let (checkpoint, config) = (job.weights.checkpoint(), job.weights.network().config());
-        let exports: Vec<&str> = args.export.0.iter().map(|e| e.name()).collect();
-        let mut versions = Map::new();
-        versions.insert("omnix".to_owned(), env!("CARGO_PKG_VERSION").into());
-        versions.insert("driver".to_owned(), self.info.driver.clone().into());
-        let notes = job.input.notes.iter().cloned().chain(job.weights.note().map(str::to_owned));
-        Manifest {
-            network: config.name.clone(),
-            weights: ManifestWeights {
-                name: checkpoint.name().to_owned(),
-                digest: format!("blake3:{}", checkpoint.digest()),
-                note: job.weights.note().map(str::to_owned),
-            },
-            device: serde_json::to_value(&self.info).unwrap_or_default(),
-            unit: unit.to_owned(),
-            settings: json!({
-                "inputs": self.args.inputs,
-                "frames": args.frames,
-                "fps": args.fps,
-                "preparation": job.preparation.settings(),
-                "weights_type": job::storage_name(args),
-                "reference": args.reference.as_ref().map(|r| format!("{r:?}")),
-                "cameras": if job.request.rays { "ray maps" } else { "camera decoder" },
-                "memory_budget_bytes": job.request.budget,
-                "export": exports,
-                "points": args.points,
-                "conf_percentile": args.conf_percentile,
-            }),
-            timings_s: Value::Object(self.timings.clone()),
-            versions,
-            frames: ManifestFrame::of_plan(&job.input, job.preparation.size(), self.finished),
-            notes: notes.chain(config.left_out.iter().map(|l| l.note().to_owned())).collect(),
-            files,
-            interrupted,
-        }
+    /// Completes what is open and writes the manifest.
+    fn finish(&mut self, broken_off: bool, unit: &str) -> Result<Vec<PathBuf>, CliError> {
+        let interrupted = broken_off || self.finished < self.job.request.images;
+        let closed = self.close_sinks(interrupted);
+        // A glb of what moves replaces the still one under its name.
+        let mut files = std::mem::take(&mut self.files);
+        let mut seen = std::collections::BTreeSet::new();
+        files.retain(|file| seen.insert(file.clone()));
+        let manifest = self.manifest(files, interrupted || closed.is_err(), unit);
+        let written = write_manifest(&self.args.out.out, &manifest);
+        closed?;
+        let mut files = manifest.files;
+        files.push(written?);
+        Ok(files)
+    }
+}
+
+/// What people read of a phase, and its name for machines.
+fn said(phase: Phase) -> (&'static str, &'static str) {
+    match phase {
+        Phase::Weights => ("weights", "loading weights"),
+        Phase::Backbone => ("backbone", "network over all images"),
+        Phase::Head => ("head", "depth, image by image"),
+        Phase::Motion => ("motion", "what moves, over all images"),
+        Phase::Sampling => ("sampling", "how each pixel moves, image by image"),
+    }
+}
+
+/// Ends the phase that runs, adds its seconds to its name's, and begins `name`, unless that is empty.
+fn begin(timings: &mut Map<String, Value>, ui: &mut Ui, name: &'static str, text: &str) {
+    if let Some(before) = ui.phase() {
+        let seconds = timings.get(before).and_then(Value::as_f64).unwrap_or(0.0) + ui.end();
+        timings.insert(before.to_owned(), json!(seconds));
+    }
+    if !name.is_empty() {
+        ui.begin(name, text);
     }
 }
 
@@ -300,6 +324,9 @@ fn range(depth: &[f32]) -> (f32, f32) {
     depth.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), d| (a.min(*d), b.max(*d)))
 }
 
+/// Folders with a file for every image.
+const MANY: [&str; 6] = ["depth", "depth_color", "masks", "theta", "tracks", "st4rtrack"];
+
 /// The end of a successful run.
 fn report(run: &Run<'_>, files: &[PathBuf], since: Instant, ui: &mut Ui) {
     let dir = &run.args.out.out;
@@ -312,11 +339,11 @@ fn report(run: &Run<'_>, files: &[PathBuf], since: Instant, ui: &mut Ui) {
             "interrupted": false, "timings_s": run.timings, "note": note,
         }),
     );
-    // Hundreds of depth pictures are one line.
+    // Hundreds of pictures are one line.
     let mut shown: Vec<String> = Vec::new();
     for file in files {
         let inside = file.strip_prefix(dir).unwrap_or(file);
-        let folder = inside.parent().filter(|p| p.ends_with("depth") || p.ends_with("depth_color"));
+        let folder = inside.parent().filter(|p| MANY.iter().any(|many| p.ends_with(many)));
         let line = folder.map_or_else(|| file.display().to_string(), |f| dir.join(f).join("").display().to_string());
         if !shown.contains(&line) {
             shown.push(line);

@@ -1,0 +1,223 @@
+//! `omnix query`: paths of points from a saved field, without computing any others.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use omnix::io::input::load_picture;
+use omnix::io::output::motion::ImageTime;
+use omnix::io::output::paths::PathTable;
+use omnix::{Engine, Field, FieldShape, OmnixError, Pixels, Query};
+use serde_json::json;
+
+use crate::error::CliError;
+use crate::ui::{self, Ui};
+
+/// Arguments of `omnix query`.
+#[derive(Debug, Args)]
+#[command(after_long_help = crate::error::EXIT_CODES)]
+pub(crate) struct QueryArgs {
+    /// field.safetensors of a run with `--export field`.
+    #[arg(value_name = "FIELD")]
+    field: PathBuf,
+    /// Source image, by its global index.
+    #[arg(long, value_name = "I")]
+    image: usize,
+    #[command(flatten)]
+    which: Which,
+    /// Target times: A..B (without B), or some, a comma between. [default: all]
+    #[arg(long, value_name = "TIMES")]
+    times: Option<String>,
+    /// File to write: .npz or .csv. Without it CSV goes to standard output.
+    #[arg(long, value_name = "FILE", value_parser = table_file)]
+    out: Option<PathBuf>,
+    /// Device by index or part of its name. [default: the first that will do]
+    #[arg(long, value_name = "NAME|INDEX")]
+    device: Option<String>,
+    /// One JSON object a line on standard output: path {image, pixel, times, positions, theta, confidence, moving} for each
+    /// point (unless --out takes them), then done {points, times, file} or error.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Which pixels; in the processed picture, whose size the manifest and the field tell.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+struct Which {
+    /// Column and row of a pixel; may be given again.
+    #[arg(long, value_name = "X,Y", value_parser = pixel)]
+    pixel: Vec<[u32; 2]>,
+    /// Text file with a pixel `X,Y` a line.
+    #[arg(long, value_name = "FILE")]
+    pixels: Option<PathBuf>,
+    /// Picture of the processed size: pixels that are not black.
+    #[arg(long, value_name = "PNG")]
+    mask: Option<PathBuf>,
+    /// Every N-th column and row; 1 for all pixels.
+    #[arg(long, value_name = "N")]
+    stride: Option<usize>,
+}
+
+fn pixel(text: &str) -> Result<[u32; 2], String> {
+    let parts = text.split_once(',').and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
+    parts.ok_or_else(|| format!("`{text}` is no pixel: write column and row, such as 70,42"))
+}
+
+fn table_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("npz" | "csv") => Ok(path),
+        _ => Err("its name must end in .npz or .csv".to_owned()),
+    }
+}
+
+fn wrong(reason: String) -> CliError {
+    OmnixError::Query { reason }.into()
+}
+
+/// Evaluates and prints.
+pub(crate) fn run(args: &QueryArgs, ui: &mut Ui) -> Result<(), CliError> {
+    let engine = Engine::open(args.device.as_deref())?;
+    let field = Field::open(&engine, &args.field)?;
+    let shape = *field.shape();
+    let times = times(args.times.as_deref(), &shape)?;
+    let pixels = args.which.read(&shape)?;
+    let mut positions = Vec::new();
+    let (mut flat, mut theta) = (None, Vec::new());
+    // A run of neighbouring times is one evaluation.
+    for run in times.chunk_by(|a, b| a + 1 == *b) {
+        let range = run[0]..run[run.len() - 1] + 1;
+        let paths = field.paths(&Query::new(args.image, pixels.clone(), range))?;
+        positions.extend(paths.positions);
+        (flat, theta) = (paths.pixels, paths.theta);
+    }
+    let flat = flat.unwrap_or_else(|| (0..shape.pixels() as u32).collect());
+    let known = &field.images()[args.image];
+    let at = |p: &u32| *p as usize;
+    let when: Vec<ImageTime> = times
+        .iter()
+        .map(|t| &field.images()[*t])
+        .map(|i| ImageTime { video: i.video, frame: i.frame, time_s: i.time_s })
+        .collect();
+    let list: Vec<[u32; 2]> = flat.iter().map(|p| [p % shape.width as u32, p / shape.width as u32]).collect();
+    let confidence: Vec<f32> = flat.iter().map(|p| known.confidence[at(p)]).collect();
+    let moving: Vec<bool> = theta.iter().map(|t| field.moves(*t)).collect();
+    let colours: Option<Vec<[u8; 3]>> = known
+        .picture
+        .as_ref()
+        .map(|picture| flat.iter().map(|p| std::array::from_fn(|c| picture.data[3 * at(p) + c])).collect());
+    let table = PathTable {
+        image: args.image,
+        times: &times,
+        when: &when,
+        pixels: &list,
+        positions: &positions,
+        confidence: &confidence,
+        theta: &theta,
+        moving: &moving,
+        colours: colours.as_deref(),
+    };
+    show(args, &table, ui)
+}
+
+/// To the file, or as events or text.
+fn show(args: &QueryArgs, table: &PathTable<'_>, ui: &mut Ui) -> Result<(), CliError> {
+    if let Some(path) = &args.out {
+        let npz = path.extension().is_some_and(|e| e == "npz");
+        let written = if npz { table.write_npz(path)? } else { table.write_csv_file(path)? };
+        ui.event("done", json!({ "points": table.pixels.len(), "times": table.times, "file": written }));
+        ui.say(&format!("{} point(s) at {} time(s): {}", table.pixels.len(), table.times.len(), written.display()));
+        return Ok(());
+    }
+    if ui.json() {
+        let n = table.pixels.len();
+        for (i, pixel) in table.pixels.iter().enumerate() {
+            let place = |k: usize| -> &[f32] { &table.positions[3 * (k * n + i)..][..3] };
+            let path: Vec<&[f32]> = (0..table.times.len()).map(place).collect();
+            let (theta, confidence, moving) = (table.theta[i], table.confidence[i], table.moving[i]);
+            ui.event(
+                "path",
+                json!({
+                    "image": table.image, "pixel": pixel, "times": table.times, "positions": path, "theta": theta,
+                    "confidence": confidence, "moving": moving,
+                }),
+            );
+        }
+        ui.event("done", json!({ "points": n, "times": table.times, "file": null }));
+        return Ok(());
+    }
+    let mut text = Vec::new();
+    table.write_csv(&mut text).map_err(CliError::Stdout)?;
+    ui::print(&String::from_utf8_lossy(&text))
+}
+
+/// The target times of `--times`.
+fn times(text: Option<&str>, shape: &FieldShape) -> Result<Vec<usize>, CliError> {
+    let Some(text) = text else { return Ok((0..shape.images).collect()) };
+    let bad = || wrong(format!("`{text}` are no times: write A..B (without B), or some such as 0,3,7"));
+    let number = |part: &str| part.trim().parse::<usize>().map_err(|_| bad());
+    let times: Vec<usize> = match text.split_once("..") {
+        Some((from, to)) => {
+            let from = if from.trim().is_empty() { 0 } else { number(from)? };
+            let to = if to.trim().is_empty() { shape.images } else { number(to)? };
+            (from..to).collect()
+        }
+        None => text.split(',').map(number).collect::<Result<_, _>>()?,
+    };
+    match times.iter().find(|t| **t >= shape.images) {
+        Some(time) => Err(wrong(format!("there is no time {time}: this field has times 0..{}", shape.images))),
+        None if times.is_empty() => Err(bad()),
+        None => Ok(times),
+    }
+}
+
+impl Which {
+    fn read(&self, shape: &FieldShape) -> Result<Pixels, CliError> {
+        if let Some(step) = self.stride {
+            return Ok(Pixels::Stride(step));
+        }
+        if let Some(path) = &self.mask {
+            let mask = load_picture(path)?;
+            if (mask.width as usize, mask.height as usize) != (shape.width, shape.height) {
+                return Err(wrong(format!(
+                    "the mask {} has {}x{} pixels and the images of this field {}x{}: scale it to that size",
+                    path.display(),
+                    mask.width,
+                    mask.height,
+                    shape.width,
+                    shape.height
+                )));
+            }
+            return Ok(Pixels::Mask(mask.data.as_chunks::<3>().0.iter().map(|c| c.iter().any(|v| *v > 0)).collect()));
+        }
+        let Some(path) = &self.pixels else { return Ok(Pixels::List(self.pixel.clone())) };
+        let text =
+            std::fs::read_to_string(path).map_err(|source| omnix::io::IoError::Read { path: path.clone(), source })?;
+        let lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
+        let list: Result<Vec<_>, String> = lines.map(pixel).collect();
+        Ok(Pixels::List(list.map_err(|e| wrong(format!("{}: {e}", path.display())))?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_ranges_or_lists() {
+        let shape = FieldShape { images: 5, height: 14, width: 14, grid: [1, 1], levels: 1, points: 1 };
+        assert_eq!(times(None, &shape).unwrap(), [0, 1, 2, 3, 4]);
+        assert_eq!(times(Some("1..3"), &shape).unwrap(), [1, 2]);
+        assert_eq!(times(Some("3.."), &shape).unwrap(), [3, 4]);
+        assert_eq!(times(Some("4, 0"), &shape).unwrap(), [4, 0]);
+        for bad in ["5", "0..6", "2..2", "x", "1-3", ""] {
+            assert!(times(Some(bad), &shape).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn pixels_are_two_numbers() {
+        assert_eq!(pixel("70, 42"), Ok([70, 42]));
+        assert!(pixel("70").is_err() && pixel("-1,2").is_err());
+        assert!(table_file("a.npz").is_ok() && table_file("a.txt").is_err());
+    }
+}

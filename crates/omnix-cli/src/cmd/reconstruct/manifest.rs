@@ -1,0 +1,52 @@
+//! The manifest of a run, also of one that was broken off.
+
+use std::path::PathBuf;
+
+use omnix::io::output::manifest::{Manifest, ManifestFrame, Weights as ManifestWeights};
+use serde_json::{Map, Value, json};
+
+use super::Run;
+use crate::job;
+
+impl Run<'_> {
+    /// What the run was.
+    pub(super) fn manifest(&self, files: Vec<PathBuf>, interrupted: bool, unit: &str) -> Manifest {
+        let (job, args) = (self.job, &self.args.run);
+        let (checkpoint, config) = (job.weights.checkpoint(), job.weights.network().config());
+        let exports: Vec<&str> = job.exports.iter().map(|e| e.name()).collect();
+        let mut versions = Map::new();
+        versions.insert("omnix".to_owned(), env!("CARGO_PKG_VERSION").into());
+        versions.insert("driver".to_owned(), self.info.driver.clone().into());
+        let notes = job.input.notes.iter().cloned().chain(job.weights.note().map(str::to_owned));
+        Manifest {
+            network: config.name.clone(),
+            weights: ManifestWeights {
+                name: checkpoint.name().to_owned(),
+                digest: format!("blake3:{}", checkpoint.digest()),
+                note: job.weights.note().map(str::to_owned),
+            },
+            device: serde_json::to_value(&self.info).unwrap_or_default(),
+            unit: unit.to_owned(),
+            settings: json!({
+                "inputs": self.args.inputs,
+                "frames": args.frames,
+                "fps": args.fps,
+                "preparation": job.preparation.settings(),
+                "weights_type": job::storage_name(args),
+                "reference": args.reference.as_ref().map(|r| format!("{r:?}")),
+                "cameras": if job.request.rays { "ray maps" } else { "camera decoder" },
+                "memory_budget_bytes": job.request.budget,
+                "export": exports,
+                "points": args.points,
+                "conf_percentile": args.conf_percentile,
+                "motion": self.motion,
+            }),
+            timings_s: Value::Object(self.timings.clone()),
+            versions,
+            frames: ManifestFrame::of_plan(&job.input, job.preparation.size(), self.finished),
+            notes: notes.chain(config.left_out.iter().map(|l| l.note().to_owned())).collect(),
+            files,
+            interrupted,
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Exports of what moves, from the field of a run. Each file has its name only when whole, so that Ctrl-C between two of
+//! them, or inside one, leaves what was finished.
+
+use omnix::io::output::html::HtmlOptions;
+use omnix::io::output::{GlbMotionOptions, MotionInput, MotionOptions, MotionStream, write_motion};
+use omnix::io::{Export, Picture, preprocess::exported_picture};
+use omnix::{Field, OmnixError};
+use serde_json::json;
+
+use super::{Run, begin};
+use crate::error::CliError;
+use crate::stop;
+use crate::ui::Ui;
+
+/// Points that are followed where `--points` does not say.
+pub(crate) const FOLLOWED: usize = 100_000;
+/// Seed of every choice.
+const SEED: u64 = 42;
+/// Images a second in files that play, where the input does not say.
+const RATE: f64 = 12.0;
+
+impl Run<'_> {
+    /// Writes all of them.
+    pub(super) fn export_motion(
+        &mut self,
+        mut field: Field,
+        pictures: Vec<Picture>,
+        unit: &str,
+        ui: &mut Ui,
+    ) -> Result<(), CliError> {
+        begin(&mut self.timings, ui, "exports", "following points, writing what moves");
+        self.describe(&mut field, pictures, unit);
+        let dir = &self.args.out.out;
+        let dense = self.args.run.all_tracks;
+        let (by_image, by_point): (Vec<Export>, Vec<Export>) = self
+            .job
+            .exports
+            .iter()
+            .filter(|e| e.motion_input().is_some())
+            .partition(|e| e.motion_input() == Some(MotionInput::Images) || (dense && **e == Export::Tracks));
+        let images = field.shape().images;
+        let mut done = 0;
+        let steps = (usize::from(!by_image.is_empty()) + usize::from(!by_point.is_empty())) * images;
+        let mut step = |ui: &mut Ui| {
+            ui.progress(done, steps as u64);
+            done += 1;
+            if stop::asked() { Err(OmnixError::Interrupted) } else { Ok(()) }
+        };
+        if self.job.exports.contains(&Export::Field) {
+            self.files.push(field.save(&dir.join("field.safetensors"), self.args.run.field_type.into())?);
+        }
+        let mut stream = MotionStream::open(&by_image, field.views(), dir)?;
+        if !stream.is_empty() {
+            for image in 0..images {
+                step(ui)?;
+                stream.image(&field.image_motion(image, stream.wants_trajectory(image))?.as_source())?;
+            }
+        }
+        self.files.extend(stream.finish());
+        if !by_point.is_empty() {
+            let budget = self.args.run.points.map_or(FOLLOWED, |n| n as usize);
+            let points = field.choose(budget, SEED, &mut |_| step(ui))?;
+            for export in by_point {
+                if stop::asked() {
+                    return Err(OmnixError::Interrupted.into());
+                }
+                self.files.extend(write_motion(&[export], &points, dir, &self.options(unit))?);
+            }
+        }
+        begin(&mut self.timings, ui, "", "");
+        Ok(())
+    }
+
+    /// What the engine does not know of the images; what the manifest and machines hear of them.
+    fn describe(&mut self, field: &mut Field, pictures: Vec<Picture>, unit: &str) {
+        let frames = &self.job.input.frames;
+        let known = field.images_mut().iter_mut().zip(frames).zip(&self.cameras).zip(pictures);
+        for (((image, frame), camera), picture) in known {
+            image.time_s = frame.time_s;
+            image.camera = *camera;
+            image.picture = Some(exported_picture(&picture));
+        }
+        let checkpoint = self.job.weights.checkpoint();
+        let about = field.about_mut();
+        about.weights = format!("{} blake3:{}", checkpoint.name(), checkpoint.digest());
+        unit.clone_into(&mut about.unit);
+        let moving = |theta: &[f32]| theta.iter().filter(|t| field.moves(**t)).count();
+        let shares: Vec<usize> = field.images().iter().map(|i| moving(&i.theta)).collect();
+        let shape = *field.shape();
+        self.motion = json!({
+            "target_times": shape.images, "levels": shape.levels, "sampling_points": shape.points, "grid": shape.grid,
+            "gate": format!("{:?}", field.motion().gate), "relative_to_own_time": field.motion().relative,
+            "moving_pixels": shares, "positions": "world of the extrinsics", "unit": unit,
+        });
+    }
+
+    fn options(&self, unit: &str) -> MotionOptions {
+        let notes = self.job.weights.note().map(str::to_owned).into_iter().collect();
+        MotionOptions {
+            fps: rate(self.job),
+            glb: GlbMotionOptions {
+                max_points: self.args.run.points.map_or(FOLLOWED, |n| n as usize),
+                unit: unit.to_owned(),
+                ..GlbMotionOptions::default()
+            },
+            html: HtmlOptions {
+                title: format!("omnix: {}", self.args.inputs.join(", ")),
+                notes,
+                unit: unit.to_owned(),
+                ..HtmlOptions::default()
+            },
+            ..MotionOptions::default()
+        }
+    }
+}
+
+/// Images a second of the first video that has times, kept between what can be followed and what is smooth.
+fn rate(job: &crate::job::Job) -> f64 {
+    let frames = &job.input.frames;
+    let gaps = frames.windows(2).filter(|w| w[0].video == w[1].video);
+    let gap = gaps.filter_map(|w| Some(w[1].time_s? - w[0].time_s?)).find(|gap| *gap > 0.0);
+    gap.map_or(RATE, |gap| (1.0 / gap).clamp(2.0, 60.0))
+}
