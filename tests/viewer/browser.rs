@@ -88,8 +88,8 @@ impl Page {
         });
         let to = child.stdin.take();
         let mut page = Self { child, to, from, dir, session: String::new(), last: 0, console: Vec::new() };
-        let target =
-            page.call("Target.createTarget", json!({ "url": "about:blank", "width": width, "height": height }));
+        // Without a size: the full browser takes one for new windows alone. The metrics below set it.
+        let target = page.call("Target.createTarget", json!({ "url": "about:blank" }));
         let session = page.call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
         page.session = session["sessionId"].as_str().expect("a session has a name").to_owned();
         for domain in ["Page.enable", "Runtime.enable", "Log.enable"] {
