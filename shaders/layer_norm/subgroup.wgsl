@@ -21,10 +21,10 @@
 var<workgroup> partial: array<f32, 64>;
 
 // The sum of all components of v over the workgroup. Called in uniform control flow only.
-fn total(v: vec4<f32>, subgroup: u32, subgroups: u32) -> f32 {
+fn total(v: vec4<f32>, lane: u32, subgroup: u32, subgroups: u32) -> f32 {
     let part = subgroupAdd((v.x + v.y) + (v.z + v.w));
     workgroupBarrier();
-    if (subgroupElect()) {
+    if (lane == 0u) {
         partial[subgroup] = part;
     }
     workgroupBarrier();
@@ -38,6 +38,7 @@ fn total(v: vec4<f32>, subgroup: u32, subgroups: u32) -> f32 {
 @compute @workgroup_size(64)
 fn main(
     @builtin(local_invocation_index) index: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
     @builtin(subgroup_id) subgroup: u32,
     @builtin(num_subgroups) subgroups: u32,
     @builtin(workgroup_id) group: vec3<u32>,
@@ -57,7 +58,7 @@ fn main(
         sum += v$i;
     }
 #end
-    let mean = vec4<f32>(total(sum, subgroup, subgroups) / f32(p.c));
+    let mean = vec4<f32>(total(sum, lane, subgroup, subgroups) / f32(p.c));
     var squares = vec4<f32>(0.0);
 #for i in 0..8
     if (index + ${i*64}u < c4) {
@@ -65,7 +66,7 @@ fn main(
         squares = fma(v$i, v$i, squares);
     }
 #end
-    let scale = 1.0 / sqrt(total(squares, subgroup, subgroups) / f32(p.c) + p.eps);
+    let scale = 1.0 / sqrt(total(squares, lane, subgroup, subgroups) / f32(p.c) + p.eps);
 #for i in 0..8
     if (index + ${i*64}u < c4) {
         var out = v$i * scale;

@@ -153,7 +153,7 @@ fn too_small(budget: u64, least: u64) -> OmnixError {
     OmnixError::Budget {
         budget,
         least,
-        hint: "fewer images with --frames, smaller ones with --process-res or --size, or --weights-type f16",
+        hint: "fewer images with --frames, smaller ones with --process-res or --size, or --weights-type f16 or i8",
     }
 }
 
