@@ -1,4 +1,4 @@
-//! `linear`: the products of the small and large networks, f32 and f16 weights.
+//! `linear`: the products of the small and large networks, f32, f16 and int8 weights.
 
 use omnix_benches::{Bench, Work, numbers};
 use omnix_kernels::linear::Linear;
@@ -11,7 +11,7 @@ const SHAPES: &[(u32, u32, u32)] =
 
 pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
     for &(m, n, k) in SHAPES {
-        for storage in [WeightType::F32, WeightType::F16] {
+        for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
             let case = format!("{m}x{n}x{k} {storage:?}");
             if !bench.wants("linear", &case) {
                 continue;

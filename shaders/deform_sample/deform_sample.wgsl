@@ -4,6 +4,8 @@
 //
 // B is the bilinear value at the point (lib/deform_params). field [levels, T, hp * wp, 9], mask [hp * wp],
 // pixels [n] flat pixel indices (absent: all), tau [n, 9 T + 1]. An invocation owns one pixel and one time, or its mask.
+// No variant for GPUs: networks run `trajectory`, which never stores tau; trajectory/gpu.wgsl says what bounds both, and why
+// workgroup memory, subgroups and f16 do not help. This one is for looking inside.
 #import deform_field
 #import deform_theta
 #import grid

@@ -36,9 +36,9 @@ struct Params {
     gate: u32,
     threshold: f32,
     min_norm: f32,
-    // vec4 of one time of one level of the packed field (trajectory, software variant).
+    // vec4 of one time of one level of the packed field, and of one level (trajectory, the variants that pack).
     slot: u32,
-    pad0: u32,
+    level: u32,
 }
 
 @group(0) @binding(0) var<uniform> p: Params;

@@ -1,8 +1,9 @@
 // What all variants of `linear` share: parameters, bindings and the epilogue.
 //
-//   y[m, n] = residual[m, n] + gamma[n] * act(sum_k x[m, k] * w[k, n] + bias[n])
+//   y[m, n] = residual[m, n] + gamma[n] * act(scale[n] * sum_k x[m, k] * w[k, n] + bias[n])
 //
-// x [m, k], w packed (lib/weights), bias [n], gamma [n], residual [m, n], y [m, n]; rows contiguous.
+// x [m, k], w packed (lib/weights), bias [n], gamma [n], residual [m, n], y [m, n]; rows contiguous. scale [n] lies behind
+// int8 weights and is 1 with all others.
 #import activation
 #import weights
 
@@ -34,3 +35,15 @@ struct Params {
 }
 
 @group(0) @binding(0) var<uniform> p: Params;
+#if W8
+@group(0) @binding(7) var<storage, read> scale: array<vec4<f32>>;
+#endif
+
+// The finished sums of columns n .. n + 3 in the weights' own scale.
+fn lib_scaled(sum: vec4<f32>, n: u32) -> vec4<f32> {
+#if W8
+    return sum * scale[n / 4u];
+#else
+    return sum;
+#endif
+}

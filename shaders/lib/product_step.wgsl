@@ -19,9 +19,17 @@
 #end
 #end
 #else
+#if W8
+        let u = w[wpos];
+        wpos += 8u;
+#endif
 #for q in 0..4
+#if W8
+        let b$q = lib_byte(u, ${q}u);
+#else
         let b$q = w[wpos];
         wpos += 8u;
+#endif
 #for r in 0..$R
 #for j in 0..8
         c${r*8+j} = fma(vec4<f32>(subgroupShuffle(a$r[$q], ${j}u)), b$q, c${r*8+j});

@@ -16,7 +16,7 @@ fn finish(sum: vec4<f32>, row: u32, column: u32) {
     if (row >= p.m) {
         return;
     }
-    let v = lib_activate(sum + bias4(column), p.act);
+    let v = lib_activate(lib_scaled(sum, column) + bias4(column), p.act);
     for (var i = 0u; i < 4u; i++) {
         let n = column + i;
         if (n < p.n) {

@@ -12,7 +12,11 @@
 #if W16
 @group(0) @binding(2) var<uniform> w: array<vec4<u32>, 4096>;
 #else
+#if W8
+@group(0) @binding(2) var<uniform> w: array<vec4<u32>, 4096>;
+#else
 @group(0) @binding(2) var<uniform> w: array<vec4<f32>, 4096>;
+#endif
 #endif
 @group(0) @binding(3) var<storage, read> bias: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> gamma: array<vec4<f32>>;
@@ -29,6 +33,7 @@ fn finish(sum: vec4<f32>, row: u32, n4: u32) {
         v += y[at];
     }
     if ((p.flags & LAST) != 0u) {
+        v = lib_scaled(v, n4 * 4u);
         if ((p.flags & HAS_BIAS) != 0u) {
             v += bias[n4];
         }
@@ -68,7 +73,12 @@ fn main(
 #if W16
     var wpos = block * p.k_len / 2u * 8u + lane;
 #else
+#if W8
+    // Several blocks share a window only where it holds all of k.
+    var wpos = block * p.k_packed * 2u + lane;
+#else
     var wpos = block * p.k_len * 8u + lane;
+#endif
 #endif
     for (var k = 0u; k < k_end; k++) {
 #for r in 0..$R

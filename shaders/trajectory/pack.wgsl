@@ -1,4 +1,4 @@
-// trajectory, step 0 of the software variant: one level of the field as its windows hold it, and the mask with it:
+// trajectory, step 0 of the software and GPU variants: one level of the field as vec4, and the mask with it:
 //
 //   packed[slot, cell, 0..9] = field[time(slot), cell, 0..9], packed[slot, cell, 9] = mask[cell]
 //

@@ -121,13 +121,14 @@ fn the_same_bits_from_a_fresh_process_and_from_smaller_chunks() {
 }
 
 #[test]
-fn cameras_from_rays_and_half_weights() {
+fn cameras_from_rays_and_int8_weights() {
     let dir = tempfile::tempdir().unwrap();
     let (frames, out) = (folder(dir.path(), 2), dir.path().join("out"));
-    reconstruct(&frames, &out, &["--cameras", "rays", "--weights-type", "f16", "--size", "84x56", "--export", "npz"])
+    reconstruct(&frames, &out, &["--cameras", "rays", "--weights-type", "i8", "--size", "84x56", "--export", "npz"])
         .ok();
     finite(&out.join("exports/npz/results.npz"), "extrinsics", &[2, 3, 4]);
     assert_eq!(json(&out.join("manifest.json"))["settings"]["cameras"], "ray maps");
+    assert_eq!(json(&out.join("manifest.json"))["settings"]["weights_type"], "i8");
 }
 
 #[test]

@@ -73,6 +73,8 @@ pub(crate) struct Comparison {
     pub(crate) at: String,
     /// Worst error of runs with f16 weights.
     pub(crate) half: f64,
+    /// Worst error of runs with int8 weights.
+    pub(crate) byte: f64,
     pub(crate) failures: Vec<String>,
 }
 
@@ -93,8 +95,10 @@ impl Comparison {
             self.worst = error;
             what.clone_into(&mut self.at);
         }
-        if !headline && what.contains(" f16 ") {
-            self.half = self.half.max(error);
+        for (worst, label) in [(&mut self.half, " f16 "), (&mut self.byte, " i8 ")] {
+            if !headline && what.contains(label) {
+                *worst = worst.max(error);
+            }
         }
         if error.is_nan() || error > limit {
             self.failures.push(format!("{what}: {error:.3e} > {limit:.0e}"));

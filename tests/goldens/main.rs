@@ -14,14 +14,15 @@ mod preprocess;
 use std::process::ExitCode;
 
 use collect::Folder;
+use omnix::WeightType;
 
-/// Relative in norm, f32 weights and f16 weights.
-const LIMITS: [(omnix::WeightType, f64); 2] = [(omnix::WeightType::F32, 1e-4), (omnix::WeightType::F16, 2e-3)];
+/// Relative in norm, by how weights are stored.
+const LIMITS: [(WeightType, f64); 3] = [(WeightType::F32, 1e-4), (WeightType::F16, 2e-3), (WeightType::I8, 1e-1)];
 
 /// What became of a folder.
 pub(crate) enum Outcome {
-    /// Worst error of f32 runs with the tensor it belongs to, and of runs with f16 weights.
-    Compared { tensors: usize, worst: f64, at: String, half: f64, failures: Vec<String> },
+    /// Something was compared.
+    Compared(case::Comparison),
     /// Nothing in it belongs to this version.
     OutOfScope(String),
 }
@@ -32,10 +33,13 @@ fn main() -> ExitCode {
     let (mut passed, mut failed, mut skipped) = (0, 0, 0);
     for folder in folders.iter().filter(|f| filter.is_empty() || filter.iter().any(|w| f.label.contains(w.as_str()))) {
         match run(folder) {
-            Ok(Outcome::Compared { tensors, worst, at, half, failures }) => {
+            Ok(Outcome::Compared(case::Comparison { tensors, worst, at, half, byte, failures })) => {
                 let verdict = if failures.is_empty() { "pass" } else { "FAIL" };
-                let half = if half > 0.0 { format!("; with f16 weights {half:.3e}") } else { String::new() };
-                println!("{:<40} {worst:.3e}  {verdict}  ({tensors} tensors, worst {at}{half})", folder.label);
+                let with = |kind: &str, error: f64| {
+                    if error > 0.0 { format!("; with {kind} weights {error:.3e}") } else { String::new() }
+                };
+                let rest = with("f16", half) + &with("int8", byte);
+                println!("{:<40} {worst:.3e}  {verdict}  ({tensors} tensors, worst {at}{rest})", folder.label);
                 failures.iter().take(12).for_each(|f| println!("    {f}"));
                 if failures.is_empty() { passed += 1 } else { failed += 1 }
             }
@@ -68,11 +72,5 @@ fn run(folder: &Folder) -> Result<Outcome, String> {
     if total.tensors == 0 {
         return Ok(Outcome::OutOfScope("no recorded tensor of a part that exists".to_owned()));
     }
-    Ok(Outcome::Compared {
-        tensors: total.tensors,
-        worst: total.worst,
-        at: total.at,
-        half: total.half,
-        failures: total.failures,
-    })
+    Ok(Outcome::Compared(total))
 }

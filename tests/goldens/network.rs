@@ -53,9 +53,13 @@ pub(crate) fn run(
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let case = Case::open(&path)?;
         for (storage, limit) in limits {
-            // Half-precision weights: outputs and features; every intermediate once, in f32.
+            // Only f32 counts for the headline; the others for figures of their own.
             let headline = *storage == WeightType::F32;
-            let label = if headline { stem.clone() } else { format!("{stem} f16") };
+            let label = match storage {
+                WeightType::F32 => stem.clone(),
+                WeightType::F16 => format!("{stem} f16"),
+                WeightType::I8 => format!("{stem} i8"),
+            };
             one(&weights, &case, &stem, *storage, &mut |name, got, want| {
                 let limit = if !headline && motion::SAMPLED.contains(&name) { 2.0 * limit } else { *limit };
                 total.compare(&format!("{label} {name}"), got, want, limit, headline);

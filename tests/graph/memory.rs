@@ -1,8 +1,8 @@
 //! No node reads and writes one buffer; values alive together never share.
 
 use omnix_graph::memory::Place;
-use omnix_graph::{Plan, PlanOptions};
-use omnix_kernels::Caps;
+use omnix_graph::{Graph, Plan, PlanOptions};
+use omnix_kernels::{Caps, WeightType};
 
 use crate::support::two_blocks;
 
@@ -25,4 +25,25 @@ fn values_of_one_node_never_share_a_buffer() {
             assert_eq!(buffers.len(), distinct.len(), "{}: {buffers:?}", node.op.name());
         }
     }
+}
+
+#[test]
+fn int8_is_for_linear_layers_and_counts_a_byte_a_weight() {
+    let mut g = Graph::new();
+    let x = g.input("x", [1, 8, 8, 64]);
+    let kernel = g.parameter("conv", [64, 64, 3, 3]);
+    let x = g.conv2d(x, kernel, None, 1, 1).expect("conv");
+    let w = g.parameter("fc", [96, 64]);
+    let y = g.linear(x, w, None).expect("fc");
+    g.output(y, "y");
+    let bytes = |storage| {
+        let plan = Plan::new(&g, &Caps::baseline(), &PlanOptions { storage, ..PlanOptions::default() }).expect("plans");
+        let of = |name: &str| plan.weights.iter().find(|k| &*k.parameter.name == name).map_or(0, |k| k.bytes());
+        (of("conv"), of("fc"))
+    };
+    let (conv, fc) = (64 * 64 * 9, 64 * 96);
+    assert_eq!(bytes(WeightType::F32), (4 * conv, 4 * fc));
+    assert_eq!(bytes(WeightType::F16), (2 * conv, 2 * fc));
+    // A scale of four bytes a column, rounded up to a binding's alignment.
+    assert_eq!(bytes(WeightType::I8), (2 * conv, fc + 512));
 }

@@ -26,15 +26,49 @@ pub fn gpu() -> &'static Gpu {
     })
 }
 
-/// The device once for every family of variants it can run.
+/// The device once for every family of variants it can run, the GPU's without optional features.
 #[must_use]
 pub fn tiers() -> Vec<Gpu> {
     let gpu = gpu();
-    let mut tiers = vec![Tier::Baseline, Tier::Gpu];
+    let plain = gpu.caps.clone().with_tier(Tier::Gpu).with_subgroup(None).with_f16(false);
+    let mut tiers = vec![gpu.caps.clone().with_tier(Tier::Baseline), plain];
     if gpu.caps.tier == Tier::Software {
-        tiers.push(Tier::Software);
+        tiers.push(gpu.caps.clone());
     }
-    tiers.into_iter().map(|tier| gpu.with_caps(gpu.caps.clone().with_tier(tier))).collect()
+    tiers.into_iter().map(|caps| gpu.with_caps(caps)).collect()
+}
+
+/// [`tiers`], then the GPU variants with subgroups and those with subgroups and f16, where the device has them.
+#[must_use]
+pub fn families() -> Vec<Gpu> {
+    let mut families = tiers();
+    let caps = gpu().caps.clone().with_tier(Tier::Gpu);
+    if caps.subgroup.is_some() {
+        families.push(gpu().with_caps(caps.clone().with_f16(false)));
+    }
+    if caps.f16 {
+        families.push(gpu().with_caps(caps));
+    }
+    families
+}
+
+/// What [`families`] distinguishes, for messages.
+#[must_use]
+pub fn family(gpu: &Gpu) -> String {
+    let with = |on: bool, what: &str| if on && gpu.caps.tier == Tier::Gpu { format!(" {what}") } else { String::new() };
+    format!("{}{}{}", gpu.caps.tier, with(gpu.caps.subgroup.is_some(), "subgroup"), with(gpu.caps.f16, "f16"))
+}
+
+/// Whether kernels round operands to f16 on this device.
+#[must_use]
+pub fn rounds(gpu: &Gpu) -> bool {
+    gpu.caps.tier == Tier::Gpu && gpu.caps.f16
+}
+
+/// `values` as f16 holds them.
+#[must_use]
+pub fn as_f16(values: &[f32]) -> Vec<f32> {
+    values.iter().map(|v| half::f16::from_f32(*v).to_f32()).collect()
 }
 
 /// The device with a small binding limit, so that modest tensors are split.

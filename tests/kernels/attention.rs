@@ -4,7 +4,7 @@ use omnix_kernels::attention::{Attention, OUT};
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::split_heads::padded;
 use omnix_kernels::{Caps, Gpu, KernelError, cpu};
-use omnix_tests::{Rng, assert_close, tiers, with_max_binding};
+use omnix_tests::{Rng, as_f16, assert_close, families, family, relative_error, rounds, with_max_binding};
 
 const fn spec(groups: u32, heads: u32, head_dim: u32, nq: u32, nk: u32) -> Attention {
     Attention { groups, heads, head_dim, nq, nk }
@@ -57,15 +57,18 @@ fn compute(gpu: &Gpu, spec: &Attention, inputs: &Inputs) -> Vec<f32> {
 }
 
 fn case(gpu: &Gpu, spec: &Attention, spread: f32) {
-    let inputs = inputs(spec, spread);
+    let mut inputs = inputs(spec, spread);
+    if rounds(gpu) {
+        (inputs.k, inputs.v) = (as_f16(&inputs.k), as_f16(&inputs.v));
+    }
     let got = compute(gpu, spec, &inputs);
     let want = cpu::attention(spec, &inputs.q, &inputs.k, &inputs.v);
-    assert_close(&format!("{} {spec:?} spread {spread}", gpu.caps.tier), &got, &want, 3e-6);
+    assert_close(&format!("{} {spec:?} spread {spread}", family(gpu)), &got, &want, 3e-6);
 }
 
 #[test]
 fn every_head_width_matches_the_oracle() {
-    for gpu in tiers() {
+    for gpu in families() {
         for head_dim in [8, 24, 32, 48, 64, 96, 128] {
             case(&gpu, &spec(2, 3, head_dim, 37, 70), 1.0);
         }
@@ -73,8 +76,19 @@ fn every_head_width_matches_the_oracle() {
 }
 
 #[test]
+fn f16_keys_and_values_cost_their_rounding() {
+    for gpu in families().iter().filter(|gpu| rounds(gpu)) {
+        let spec = spec(1, 2, 64, 70, 257);
+        let inputs = inputs(&spec, 1.0);
+        let want = cpu::attention(&spec, &inputs.q, &inputs.k, &inputs.v);
+        let error = relative_error(&compute(gpu, &spec, &inputs), &want);
+        assert!((1e-5..1e-3).contains(&error), "{error:.1e}");
+    }
+}
+
+#[test]
 fn every_length_matches_the_oracle() {
-    for gpu in tiers() {
+    for gpu in families() {
         // One; around a vec4, a block of keys, a tile of queries; one and several uniform windows; many small heads.
         let lengths = [(1, 1), (1, 300), (9, 3), (33, 31), (64, 32), (65, 33), (40, 256), (70, 257), (130, 600)];
         for (nq, nk) in lengths {
@@ -88,7 +102,7 @@ fn every_length_matches_the_oracle() {
 
 #[test]
 fn splitting_at_the_binding_limit_changes_no_bit() {
-    for gpu in tiers() {
+    for gpu in families() {
         let mut split = 0;
         // Groups apart, heads apart, queries apart, and keys in windows (baseline and GPU variants).
         for spec in [spec(4, 3, 48, 37, 70), spec(1, 2, 64, 200, 300), spec(3, 2, 24, 65, 64), spec(1, 2, 128, 70, 33)]
@@ -99,27 +113,27 @@ fn splitting_at_the_binding_limit_changes_no_bit() {
                 let small = with_max_binding(&gpu, limit);
                 let pieces = |gpu: &Gpu| spec.record(&gpu.caps).expect("records").len();
                 split += usize::from(pieces(&small) > pieces(&gpu));
-                assert_eq!(whole, compute(&small, &spec, &inputs), "{} {limit} {spec:?}", gpu.caps.tier);
+                assert_eq!(whole, compute(&small, &spec, &inputs), "{} {limit} {spec:?}", family(&gpu));
             }
         }
-        assert!(split >= 6, "{}: only {split} of 12 cases were split", gpu.caps.tier);
+        assert!(split >= 6, "{}: only {split} of 12 cases were split", family(&gpu));
     }
 }
 
 #[test]
 fn padding_of_keys_has_no_weight() {
-    for gpu in tiers() {
+    for gpu in families() {
         // All scores far below 0: a padded key (score 0) would take all the weight.
         let spec = spec(1, 1, 32, 3, 5);
         let inputs = Inputs { q: vec![-4.0; 3 * 32], k: vec![4.0; 5 * 32], v: vec![1.0; 5 * 32] };
         let got = compute(&gpu, &spec, &inputs);
-        assert_close(&format!("{}", gpu.caps.tier), &got, &[1.0; 96], 1e-6);
+        assert_close(&format!("{}", family(&gpu)), &got, &[1.0; 96], 1e-6);
     }
 }
 
 #[test]
 fn a_query_that_is_not_finite_stays_alone() {
-    for gpu in tiers() {
+    for gpu in families() {
         let spec = spec(1, 2, 32, 20, 40);
         let mut inputs = inputs(&spec, 1.0);
         let clean = compute(&gpu, &spec, &inputs);
@@ -128,9 +142,9 @@ fn a_query_that_is_not_finite_stays_alone() {
         let got = compute(&gpu, &spec, &inputs);
         for (at, (got, clean)) in got.iter().zip(&clean).enumerate() {
             if at / 64 == 9 && at % 64 >= 32 {
-                assert!(got.is_nan(), "{} {at}", gpu.caps.tier);
+                assert!(got.is_nan(), "{} {at}", family(&gpu));
             } else {
-                assert_eq!(got, clean, "{} {at}", gpu.caps.tier);
+                assert_eq!(got, clean, "{} {at}", family(&gpu));
             }
         }
     }

@@ -1,10 +1,10 @@
 //! `conv2d` against its oracle.
 
-use half::f16;
 use omnix_kernels::conv2d::{Conv2d, Y};
 use omnix_kernels::run::{HostArg, run};
-use omnix_kernels::{Activation, Caps, Gpu, PackedWeights, WeightType, cpu};
-use omnix_tests::{Rng, assert_close, tiers, with_max_binding};
+use omnix_kernels::{Activation, Caps, Cooperative, Dispatch, Gpu, PackedWeights, Tier, WeightType, cpu};
+use omnix_shaders::conv2d as shaders;
+use omnix_tests::{Rng, as_f16, assert_close, families, family, rounds, with_max_binding};
 
 /// A plain specification with nothing optional.
 fn plain(frames: u32, [hi, wi]: [u32; 2], ci: u32, co: u32, kernel: [u32; 2], stride: u32, padding: u32) -> Conv2d {
@@ -32,11 +32,17 @@ fn full(mut spec: Conv2d, storage: WeightType, act: Activation) -> Conv2d {
 }
 
 fn case(gpu: &Gpu, spec: &Conv2d) -> (Vec<f32>, Vec<f32>) {
+    compute(gpu, spec, rounds(gpu), &|_| ())
+}
+
+/// Result and oracle; `round` takes an input that f16 holds exactly, `change` sees every dispatch before it runs.
+fn compute(gpu: &Gpu, spec: &Conv2d, round: bool, change: &dyn Fn(&mut Dispatch)) -> (Vec<f32>, Vec<f32>) {
     let [ho, wo] = spec.output();
     let (k, co) = (spec.weights.k as usize, spec.weights.n as usize);
     let mut rng = Rng::new(k as u64 * 31 + co as u64);
     let x = rng.normal((spec.frames * spec.hi * spec.wi * spec.ci) as usize);
-    let w: Vec<f32> = rng.normal(k * co).iter().map(|v| f16::from_f32(v / (k as f32).sqrt()).to_f32()).collect();
+    let x = if round { as_f16(&x) } else { x };
+    let w = as_f16(&rng.normal(k * co).iter().map(|v| v / (k as f32).sqrt()).collect::<Vec<_>>());
     let weight = |k: usize, o: usize| w[k * co + o];
     let out = (spec.frames * ho * wo) as usize * co;
     let (bias, residual, residual2) = (rng.normal(co), rng.normal(out), rng.normal(out));
@@ -49,7 +55,9 @@ fn case(gpu: &Gpu, spec: &Conv2d) -> (Vec<f32>, Vec<f32>) {
         HostArg::F32(&residual2),
         HostArg::Out(out),
     ];
-    let got = run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
+    let mut dispatches = spec.record(&gpu.caps).expect("records");
+    dispatches.iter_mut().for_each(change);
+    let got = run(gpu, &dispatches, &args, usize::from(Y.0)).expect("runs");
     (got, cpu::conv2d(spec, &x, &weight, &bias, &residual, &residual2))
 }
 
@@ -70,7 +78,7 @@ fn every_variant_matches_the_oracle() {
         plain(2, [3, 3], 8, 130, [1, 1], 1, 0),
         plain(1, [2, 2], 4, 4, [3, 3], 1, 3),
     ];
-    for gpu in tiers() {
+    for gpu in families() {
         for spec in &specs {
             let mut variants = vec![*spec];
             for storage in [WeightType::F32, WeightType::F16] {
@@ -81,15 +89,38 @@ fn every_variant_matches_the_oracle() {
             }
             for spec in variants {
                 let (got, want) = case(&gpu, &spec);
-                assert_close(&format!("{} {spec:?}", gpu.caps.tier), &got, &want, 2e-6);
+                assert_close(&format!("{} {spec:?}", family(&gpu)), &got, &want, 2e-6);
             }
         }
     }
 }
 
 #[test]
+fn cooperative_tiles_match_the_oracle_through_their_stand_ins() {
+    let gpu = omnix_tests::gpu();
+    let products = Cooperative { f16_16: true, f32_8: true };
+    let caps = gpu.caps.clone().with_tier(Tier::Gpu).with_subgroup(Some([32, 32])).with_cooperative(products);
+    let mut stand_ins = vec![(WeightType::F32, "cooperative_8", &shaders::STAND_IN_8_32)];
+    if caps.f16 {
+        stand_ins.push((WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_32));
+    }
+    let gpu = gpu.with_caps(caps);
+    for (storage, chosen, stand_in) in stand_ins {
+        let change = |dispatch: &mut Dispatch| {
+            assert_eq!(dispatch.shader.variant, chosen);
+            dispatch.shader = stand_in;
+        };
+        for spec in [plain(2, [6, 5], 4, 8, [3, 3], 2, 1), plain(1, [9, 11], 36, 68, [3, 3], 1, 1)] {
+            let spec = full(spec, storage, Activation::Relu);
+            let (got, want) = compute(&gpu, &spec, storage == WeightType::F16, &change);
+            assert_close(&format!("{} {spec:?}", stand_in.variant), &got, &want, 2e-6);
+        }
+    }
+}
+
+#[test]
 fn splitting_over_frames_and_bands_changes_no_bit() {
-    for gpu in tiers() {
+    for gpu in families() {
         for spec in [
             plain(5, [6, 7], 20, 36, [3, 3], 1, 1),
             plain(2, [31, 17], 12, 8, [3, 3], 2, 1),
@@ -103,7 +134,7 @@ fn splitting_over_frames_and_bands_changes_no_bit() {
                 let small = with_max_binding(&gpu, limit);
                 let count = spec.record(&small.caps).expect("records").len();
                 assert!(count > spec.record(&gpu.caps).expect("records").len(), "{count} dispatches");
-                assert_eq!(whole, case(&small, &spec).0, "{} {spec:?} at {limit}", gpu.caps.tier);
+                assert_eq!(whole, case(&small, &spec).0, "{} {spec:?} at {limit}", family(&gpu));
             }
         }
     }
@@ -111,7 +142,7 @@ fn splitting_over_frames_and_bands_changes_no_bit() {
 
 #[test]
 fn values_that_are_not_finite_stay_near() {
-    for gpu in tiers() {
+    for gpu in families() {
         let spec = plain(1, [6, 6], 4, 4, [3, 3], 1, 1);
         let mut x = vec![1.0f32; 6 * 6 * 4];
         x[0] = f32::INFINITY;
@@ -127,7 +158,7 @@ fn values_that_are_not_finite_stay_near() {
         ];
         let y = run(&gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
         let reached = |i: usize| i / 24 < 2 && i / 4 % 6 < 2;
-        assert!((0..y.len()).all(|i| y[i].is_finite() != reached(i)), "{}", gpu.caps.tier);
+        assert!((0..y.len()).all(|i| y[i].is_finite() != reached(i)), "{}", family(&gpu));
     }
 }
 

@@ -3,11 +3,11 @@
 use omnix_kernels::layer_norm::{LayerNorm, Y};
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::{Activation, Caps, Gpu, KernelError, cpu};
-use omnix_tests::{Rng, assert_close, tiers, with_max_binding};
+use omnix_tests::{Rng, assert_close, families, family, with_max_binding};
 
 /// Rows and channels: one, odd, below and above a subgroup, a workgroup and a tile of rows.
 const SHAPES: &[(u32, u32)] =
-    &[(1, 1), (2, 3), (3, 4), (5, 30), (65, 32), (7, 36), (130, 63), (9, 384), (66, 1024), (3, 4100)];
+    &[(1, 1), (2, 3), (3, 4), (5, 30), (65, 32), (7, 36), (130, 63), (9, 384), (66, 1024), (3, 2048), (3, 4100)];
 
 fn case(gpu: &Gpu, spec: &LayerNorm, offset: f32) -> (Vec<f32>, Vec<f32>) {
     let (m, c) = (spec.m as usize, spec.c as usize);
@@ -29,39 +29,39 @@ fn spec(m: u32, c: u32, act: Activation, affine: bool) -> LayerNorm {
 
 #[test]
 fn every_variant_matches_the_oracle() {
-    for gpu in tiers() {
+    for gpu in families() {
         for &(m, c) in SHAPES {
             for (act, affine) in [(Activation::None, true), (Activation::Gelu, false), (Activation::Relu, true)] {
                 let (got, want) = case(&gpu, &spec(m, c, act, affine), 0.0);
-                assert_close(&format!("{} [{m}, {c}] {act:?} affine {affine}", gpu.caps.tier), &got, &want, 2e-6);
+                assert_close(&format!("{} [{m}, {c}] {act:?} affine {affine}", family(&gpu)), &got, &want, 2e-6);
             }
         }
         for (weight, bias) in [(true, false), (false, true)] {
             let (got, want) = case(&gpu, &LayerNorm { weight, bias, ..spec(4, 40, Activation::None, true) }, 0.0);
-            assert_close(&format!("{} weight {weight} bias {bias}", gpu.caps.tier), &got, &want, 2e-6);
+            assert_close(&format!("{} weight {weight} bias {bias}", family(&gpu)), &got, &want, 2e-6);
         }
     }
 }
 
 #[test]
 fn a_common_offset_costs_no_more_than_its_rounding() {
-    for gpu in tiers() {
+    for gpu in families() {
         // One-pass variance would lose everything here: mean² is 10⁶ times the variance.
         let (got, want) = case(&gpu, &spec(5, 384, Activation::None, false), 3000.0);
-        assert_close(&format!("{}", gpu.caps.tier), &got, &want, 2e-4);
+        assert_close(&format!("{}", family(&gpu)), &got, &want, 2e-4);
     }
 }
 
 #[test]
 fn splitting_at_the_binding_limit_changes_no_bit() {
-    for gpu in tiers() {
+    for gpu in families() {
         for c in [100, 33] {
             let spec = spec(200, c, Activation::Gelu, true);
             let (whole, _) = case(&gpu, &spec, 0.0);
             let small = with_max_binding(&gpu, 25_600);
             assert!(spec.record(&small.caps).expect("records").len() > 1);
             let (split, _) = case(&small, &spec, 0.0);
-            assert_eq!(whole, split, "{}", gpu.caps.tier);
+            assert_eq!(whole, split, "{}", family(&gpu));
         }
     }
 }

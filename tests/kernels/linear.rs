@@ -1,10 +1,10 @@
 //! `linear` against its oracle.
 
-use half::f16;
 use omnix_kernels::linear::{Linear, Y};
 use omnix_kernels::run::{HostArg, run};
-use omnix_kernels::{Activation, Gpu, PackedWeights, WeightType, cpu};
-use omnix_tests::{Rng, assert_close, tiers, with_max_binding};
+use omnix_kernels::{Activation, Cooperative, Dispatch, Gpu, PackedWeights, Tier, WeightType, cpu};
+use omnix_shaders::linear as shaders;
+use omnix_tests::{Rng, as_f16, assert_close, families, family, relative_error, rounds, with_max_binding};
 
 /// Rows, columns, depth: one, odd, tile edges, several column blocks, several uniform windows.
 const SHAPES: &[(u32, u32, u32)] = &[
@@ -20,18 +20,27 @@ const SHAPES: &[(u32, u32, u32)] = &[
     (70, 68, 2052),
 ];
 
-fn case(
+fn case(gpu: &Gpu, shape: (u32, u32, u32), storage: WeightType, act: Activation, full: bool) -> (Vec<f32>, Vec<f32>) {
+    compute(gpu, shape, storage, act, full, rounds(gpu), &|_| ())
+}
+
+/// Result and oracle; `round` takes an input that f16 holds exactly, `change` sees every dispatch before it runs.
+fn compute(
     gpu: &Gpu,
     (m, n, k): (u32, u32, u32),
     storage: WeightType,
     act: Activation,
     full: bool,
+    round: bool,
+    change: &dyn Fn(&mut Dispatch),
 ) -> (Vec<f32>, Vec<f32>) {
     let mut rng = Rng::new(u64::from(m * 31 + n * 7 + k));
     let (mu, nu, ku) = (m as usize, n as usize, k as usize);
     let x = rng.normal(mu * ku);
+    let x = if round { as_f16(&x) } else { x };
     let weights = PackedWeights { k, n, storage };
-    let w: Vec<f32> = rng.normal(nu * ku).iter().map(|v| f16::from_f32(v / (k as f32).sqrt()).to_f32()).collect();
+    let w = as_f16(&rng.normal(nu * ku).iter().map(|v| v / (k as f32).sqrt()).collect::<Vec<_>>());
+    let w = if storage == WeightType::I8 { as_int8(&w, ku) } else { w };
     let weight = |row: usize, column: usize| w[column * ku + row];
     let (bias, gamma, residual) = (rng.normal(nu), rng.normal(nu), rng.normal(mu * nu));
     let spec = Linear { m, weights, act, bias: full, gamma: full, residual: full };
@@ -44,7 +53,8 @@ fn case(
         HostArg::F32(&residual),
         HostArg::Out(mu * nu),
     ];
-    let dispatches = spec.record(&gpu.caps).expect("records");
+    let mut dispatches = spec.record(&gpu.caps).expect("records");
+    dispatches.iter_mut().for_each(change);
     let got = run(gpu, &dispatches, &args, usize::from(Y.0)).expect("runs");
 
     let want = cpu::linear(
@@ -59,11 +69,20 @@ fn case(
     (got, want)
 }
 
+/// Columns of `k` weights to the nearest of 255 steps between the column's largest and its negative.
+fn as_int8(w: &[f32], k: usize) -> Vec<f32> {
+    let column = |c: &[f32]| {
+        let scale = c.iter().fold(0.0f32, |most, w| most.max(w.abs())) / 127.0;
+        c.iter().map(|w| (w / scale).round() * scale).collect::<Vec<_>>()
+    };
+    w.chunks(k).flat_map(column).collect()
+}
+
 #[test]
 fn every_variant_matches_the_oracle() {
-    for gpu in tiers() {
+    for gpu in families() {
         for &shape in SHAPES {
-            for storage in [WeightType::F32, WeightType::F16] {
+            for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
                 for (act, full) in [
                     (Activation::None, false),
                     (Activation::Gelu, true),
@@ -72,7 +91,7 @@ fn every_variant_matches_the_oracle() {
                 ] {
                     let (got, want) = case(&gpu, shape, storage, act, full);
                     assert_close(
-                        &format!("{} {shape:?} {storage:?} {act:?} full {full}", gpu.caps.tier),
+                        &format!("{} {shape:?} {storage:?} {act:?} full {full}", family(&gpu)),
                         &got,
                         &want,
                         2e-6,
@@ -84,14 +103,87 @@ fn every_variant_matches_the_oracle() {
 }
 
 #[test]
+fn f16_operands_cost_their_rounding_and_stay_with_weights_that_are_no_better() {
+    for gpu in families().iter().filter(|gpu| rounds(gpu)) {
+        for (storage, least, most) in
+            [(WeightType::F32, 0.0, 2e-6), (WeightType::F16, 1e-5, 5e-4), (WeightType::I8, 1e-5, 5e-4)]
+        {
+            let (got, want) = compute(gpu, (70, 68, 520), storage, Activation::None, false, false, &|_| ());
+            let error = relative_error(&got, &want);
+            assert!((least..most).contains(&error), "{storage:?}: {error:.1e}");
+        }
+    }
+}
+
+#[test]
+fn cooperative_tiles_match_the_oracle_through_their_stand_ins() {
+    let gpu = omnix_tests::gpu();
+    let products = Cooperative { f16_16: true, f32_8: true };
+    let caps = gpu.caps.clone().with_tier(Tier::Gpu).with_subgroup(Some([32, 32])).with_cooperative(products);
+    let mut stand_ins = vec![(WeightType::F32, "cooperative_8", &shaders::STAND_IN_8_32)];
+    if caps.f16 {
+        // Eight subgroups, of which four have nothing of their own to do, and two, which take two turns.
+        stand_ins.extend([
+            (WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_16),
+            (WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_64),
+        ]);
+    }
+    let gpu = gpu.with_caps(caps);
+    for (storage, chosen, stand_in) in stand_ins {
+        let change = |dispatch: &mut Dispatch| {
+            assert_eq!(dispatch.shader.variant, chosen);
+            dispatch.shader = stand_in;
+        };
+        // One; odd; around a tile; several steps of k with a rest.
+        for shape in [(1, 4, 4), (33, 100, 36), (64, 64, 32), (130, 96, 520)] {
+            let round = storage == WeightType::F16;
+            let (got, want) = compute(&gpu, shape, storage, Activation::Gelu, true, round, &change);
+            assert_close(&format!("{} {shape:?}", stand_in.variant), &got, &want, 2e-6);
+        }
+    }
+}
+
+#[test]
+fn the_variant_follows_from_facts() {
+    let caps = omnix_kernels::Caps::baseline().with_tier(Tier::Gpu);
+    let both = Cooperative { f16_16: true, f32_8: true };
+    let only_8 = Cooperative { f16_16: false, f32_8: true };
+    let lanes = Some([8, 32]);
+    let facts = [
+        (caps.clone(), ["gpu", "gpu_w16", "gpu_w8"]),
+        (caps.clone().with_f16(true), ["gpu", "gpu_f16_w16", "gpu_f16_w8"]),
+        (
+            caps.clone().with_f16(true).with_subgroup(lanes).with_cooperative(both),
+            ["cooperative_8", "cooperative_16_w16", "cooperative_16_w8"],
+        ),
+        (
+            caps.clone().with_f16(true).with_subgroup(lanes).with_cooperative(only_8),
+            ["cooperative_8", "cooperative_8_w16", "cooperative_8_w8"],
+        ),
+        (caps.with_cooperative(both), ["gpu", "gpu_w16", "gpu_w8"]),
+    ];
+    for (caps, wanted) in facts {
+        let storages = [WeightType::F32, WeightType::F16, WeightType::I8];
+        let chosen = storages.map(|storage| {
+            let weights = PackedWeights { k: 8, n: 8, storage };
+            let spec = Linear { m: 3, weights, act: Activation::None, bias: false, gamma: false, residual: false };
+            spec.record(&caps).expect("records")[0].shader.variant
+        });
+        assert_eq!(chosen, wanted, "{caps:?}");
+    }
+}
+
+#[test]
 fn splitting_at_the_binding_limit_changes_no_bit() {
-    for gpu in tiers() {
-        let shape = (200, 100, 36);
-        let (whole, _) = case(&gpu, shape, WeightType::F32, Activation::Gelu, true);
-        // 64 rows of 100 floats are 25,600 bytes; a column block of 36 k is 4,608.
-        let small = with_max_binding(&gpu, 32_768);
-        let (split, _) = case(&small, shape, WeightType::F32, Activation::Gelu, true);
-        assert_eq!(whole, split, "{}", gpu.caps.tier);
+    for gpu in families() {
+        for storage in [WeightType::F32, WeightType::I8] {
+            let shape = (200, 100, 36);
+            let (whole, _) = case(&gpu, shape, storage, Activation::Gelu, true);
+            // 64 rows of 100 floats are 25,600 bytes; a column block of 36 k is 4,608.
+            let small = with_max_binding(&gpu, 32_768);
+            let (split, _) = case(&small, shape, storage, Activation::Gelu, true);
+            assert_eq!(whole, split, "{} {storage:?}", family(&gpu));
+        }
     }
 }
 

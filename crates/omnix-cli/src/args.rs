@@ -63,7 +63,8 @@ pub(crate) struct RunArgs {
     /// inside this program.
     #[arg(long, value_name = "PATH|NAME", default_value = "nano", help_heading = "Network")]
     pub(crate) weights: String,
-    /// How weights are stored on the device; f16 takes half the memory. Sums are f32 either way.
+    /// How weights are stored on the device; f16 takes half the memory, i8 (linear layers; convolutions are f16) about a
+    /// quarter and errs more. Sums are f32 either way.
     #[arg(long, value_name = "TYPE", default_value = "f32", help_heading = "Network")]
     pub(crate) weights_type: WeightsType,
     /// Which image is the reference view: first, middle, saddle_balanced, saddle_sim_range, or its index. [default: the
@@ -164,6 +165,8 @@ pub(crate) enum WeightsType {
     F32,
     /// 16 bits.
     F16,
+    /// 8 bits for linear layers, 16 bits for convolutions.
+    I8,
 }
 
 impl From<WeightsType> for WeightType {
@@ -171,6 +174,7 @@ impl From<WeightsType> for WeightType {
         match value {
             WeightsType::F32 => Self::F32,
             WeightsType::F16 => Self::F16,
+            WeightsType::I8 => Self::I8,
         }
     }
 }

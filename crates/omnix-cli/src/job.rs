@@ -242,5 +242,6 @@ pub(crate) fn storage_name(args: &RunArgs) -> &'static str {
     match args.weights_type {
         WeightsType::F32 => "f32",
         WeightsType::F16 => "f16",
+        WeightsType::I8 => "i8",
     }
 }

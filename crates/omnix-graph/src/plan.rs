@@ -61,7 +61,9 @@ impl Plan {
         let segments = segments(&graph, caps.align);
         let (parts, memory) = fit(&graph, &segments, options, caps.max_buffer)?;
         let weights = weights(&graph, options.storage);
-        Ok(Self { graph, segments, parts, memory, caps: caps.clone(), storage: options.storage, weights })
+        // Operands are as good as the weights.
+        let caps = caps.clone().with_f16(caps.f16 && options.storage != WeightType::F32);
+        Ok(Self { graph, segments, parts, memory, caps, storage: options.storage, weights })
     }
 
     /// Bytes of the weights.
@@ -151,19 +153,21 @@ fn bias_packing(node: &Node, value: Value) -> Packing {
 /// The key under which `value`, read by `node`, is stored.
 pub(crate) fn weight_key(graph: &Graph, node: &Node, value: Value, storage: WeightType) -> Option<WeightKey> {
     let Source::Parameter(parameter) = &graph.info(graph.root(value)).source else { return None };
-    let storage = stored_as(graph, value, storage);
+    let matrix = |form| Packing::Matrix(form, stored_as(graph, value, storage));
     let packing = match &node.op {
-        Op::Linear(l) if l.w == value => Packing::Matrix(l.form, storage),
-        Op::Conv2d(c) if c.w == value => Packing::Matrix(WeightForm::Conv, storage),
+        Op::Linear(l) if l.w == value => matrix(l.form),
+        Op::Conv2d(c) if c.w == value => matrix(WeightForm::Conv),
         _ => bias_packing(node, value),
     };
     Some(WeightKey { parameter: parameter.clone(), packing })
 }
 
-/// How the matrix `value` is stored when the plan stores matrices as `storage`.
+/// How the matrix `value` is stored when the plan stores matrices as `storage`. int8 is for linear layers: the kernels of
+/// convolutions, four axes long, are f16 then.
 pub(crate) fn stored_as(graph: &Graph, value: Value, storage: WeightType) -> WeightType {
     match &graph.info(graph.root(value)).source {
         Source::Parameter(p) if p.keep_f32 => WeightType::F32,
+        _ if storage == WeightType::I8 && graph.shape(value).len() != 2 => WeightType::F16,
         _ => storage,
     }
 }

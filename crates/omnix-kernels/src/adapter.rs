@@ -4,6 +4,7 @@
 //! command line, tests and benches.
 
 use crate::KernelError;
+use crate::caps::Cooperative;
 
 /// Features the kernels use where an adapter has them; none is required.
 #[must_use]
@@ -107,11 +108,44 @@ pub fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter, KernelError> {
 /// # Errors
 /// [`KernelError::NoAdapter`] when the driver refuses.
 pub fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), KernelError> {
+    request(adapter, wanted_features(), wgpu::ExperimentalFeatures::disabled())
+}
+
+/// As [`open`], with wgpu's experimental cooperative matrices where the adapter has products that kernels can use; the
+/// third value goes into [`crate::Caps::with_cooperative`]. A host that lends its own device asks for
+/// [`wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX`] and does the same with [`Cooperative::of`].
+///
+/// Nothing in omnix calls this of itself: no driver at hand has the feature, so these variants were validated and
+/// their logic tested without it, never run.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_experimental(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue, Cooperative), KernelError> {
+    let products = Cooperative::of(&adapter.cooperative_matrix_properties());
+    let feature = wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX;
+    if products == Cooperative::default() || !adapter.features().contains(feature) {
+        let (device, queue) = open(adapter)?;
+        return Ok((device, queue, Cooperative::default()));
+    }
+    #[expect(unsafe_code, reason = "wgpu's way to say that an experimental feature may misbehave")]
+    // SAFETY: wgpu asks that the caller accepts undefined behaviour from bugs in code it has not hardened. The only feature taken
+    // is cooperative matrices, used only by the shaders of this workspace: validated when it is built, matrices within
+    // workgroup memory at constant strides, operations in uniform control flow.
+    let token = unsafe { wgpu::ExperimentalFeatures::enabled() };
+    let (device, queue) = request(adapter, wanted_features() | feature, token)?;
+    Ok((device, queue, products))
+}
+
+fn request(
+    adapter: &wgpu::Adapter,
+    features: wgpu::Features,
+    experimental_features: wgpu::ExperimentalFeatures,
+) -> Result<(wgpu::Device, wgpu::Queue), KernelError> {
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("omnix"),
-        required_features: adapter.features() & wanted_features(),
+        required_features: adapter.features() & features,
         required_limits: adapter.limits(),
-        experimental_features: wgpu::ExperimentalFeatures::disabled(),
+        experimental_features,
         memory_hints: wgpu::MemoryHints::MemoryUsage,
         trace: wgpu::Trace::Off,
     };

@@ -296,15 +296,17 @@ impl Attention {
             Tier::Gpu => piece.heads * piece.queries.div_ceil(GROUP_QUERIES),
             Tier::Baseline => (piece.heads * piece.queries).div_ceil(GROUP_QUERIES),
         };
-        Dispatch::new(self.shader(caps.tier), &params, &windows, groups)
+        Dispatch::new(self.shader(caps), &params, &windows, groups)
     }
 
-    fn shader(&self, tier: Tier) -> &'static Shader {
+    fn shader(&self, caps: &Caps) -> &'static Shader {
         use shaders as s;
         let of = |variants: [&'static Shader; 4]| variants[padded(self.head_dim) as usize / 32 - 1];
-        match tier {
+        match caps.tier {
             Tier::Software => of([&s::SOFTWARE_32, &s::SOFTWARE_64, &s::SOFTWARE_96, &s::SOFTWARE_128]),
             Tier::Baseline => &s::BASELINE,
+            Tier::Gpu if caps.has_quads() && caps.f16 => of([&s::F16_32, &s::F16_64, &s::F16_96, &s::F16_128]),
+            Tier::Gpu if caps.has_quads() => of([&s::SUBGROUP_32, &s::SUBGROUP_64, &s::SUBGROUP_96, &s::SUBGROUP_128]),
             Tier::Gpu => of([&s::GPU_32, &s::GPU_64, &s::GPU_96, &s::GPU_128]),
         }
     }

@@ -10,7 +10,7 @@
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, conv2d as shaders};
 
-use crate::caps::UNIFORM_WINDOW;
+use crate::caps::{Cooperative, UNIFORM_WINDOW};
 use crate::cover::{cover, room};
 use crate::dispatch::Window;
 use crate::{Activation, Arg, Caps, Dispatch, KernelError, PackedWeights, Tier, WeightType};
@@ -190,6 +190,9 @@ impl Conv2d {
         if self.frames == 0 || self.weights.k == 0 || self.weights.n == 0 || ho == 0 || wo == 0 {
             return Err(unsupported(format!("nothing to compute: {self:?}")));
         }
+        if self.weights.storage == WeightType::I8 {
+            return Err(unsupported("int8 weights; they are for linear layers, store these as f16".to_owned()));
+        }
         let slices = if caps.tier == Tier::Software && self.ci.is_multiple_of(4) && self.weights.n.is_multiple_of(4) {
             self.uniform_windows()
         } else {
@@ -234,7 +237,7 @@ impl Conv2d {
         let w = &self.weights;
         let shader = match w.storage {
             WeightType::F32 => &shaders::SOFTWARE,
-            WeightType::F16 => &shaders::SOFTWARE_W16,
+            _ => &shaders::SOFTWARE_W16,
         };
         let fit = (UNIFORM_WINDOW / WeightType::ROW_BYTES * w.storage.k_per_row()) as u32;
         let taps = self.kernel[0] * self.kernel[1];
@@ -270,11 +273,11 @@ impl Conv2d {
     /// The other variants: weights in storage, split by columns where they exceed the binding limit.
     fn column_windows(&self, caps: &Caps) -> Vec<Slice> {
         let w = &self.weights;
-        let shader = match (caps.tier == Tier::Gpu, w.storage) {
-            (true, WeightType::F32) => &shaders::GPU,
-            (true, WeightType::F16) => &shaders::GPU_W16,
+        let gpu = caps.tier == Tier::Gpu && self.ci.is_multiple_of(4) && w.n.is_multiple_of(4);
+        let shader = match (gpu, w.storage) {
+            (true, storage) => tile(storage, caps),
             (false, WeightType::F32) => &shaders::BASELINE,
-            (false, WeightType::F16) => &shaders::BASELINE_W16,
+            (false, _) => &shaders::BASELINE_W16,
         };
         // An even number of blocks: the GPU tile is two wide.
         let fit = (caps.max_binding / w.block_bytes()).max(2) as u32 / 2 * 2;
@@ -351,12 +354,25 @@ impl Conv2d {
         let blocks = u64::from(slice.blocks);
         let groups = match slice.shader.variant {
             "software" | "software_w16" => pixels.div_ceil(SOFTWARE_PIXELS) * blocks,
-            "gpu" | "gpu_w16" => pixels.div_ceil(64) * blocks.div_ceil(2),
-            _ => (pixels.div_ceil(4) * blocks * 8).div_ceil(64),
+            "baseline" | "baseline_w16" => (pixels.div_ceil(4) * blocks * 8).div_ceil(64),
+            _ => pixels.div_ceil(64) * blocks.div_ceil(2),
         };
         let residual = same(RESIDUAL, self.residual);
         let residual2 = same(RESIDUAL2, self.residual2);
         let windows = [x, slice.window, BIAS.when(self.bias).into(), residual, residual2, y];
         Dispatch::new(slice.shader, &params, &windows, groups)
+    }
+}
+
+/// The GPU variant, as `linear` chooses it.
+fn tile(storage: WeightType, caps: &Caps) -> &'static Shader {
+    use shaders as s;
+    match (storage, caps.products()) {
+        (WeightType::F32, Cooperative { f32_8: true, .. }) => &s::COOPERATIVE_8,
+        (WeightType::F32, _) => &s::GPU,
+        (_, Cooperative { f16_16: true, .. }) if caps.f16 => &s::COOPERATIVE_16_W16,
+        (_, Cooperative { f32_8: true, .. }) => &s::COOPERATIVE_8_W16,
+        _ if caps.f16 => &s::GPU_F16_W16,
+        _ => &s::GPU_W16,
     }
 }

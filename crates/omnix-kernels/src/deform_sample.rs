@@ -74,7 +74,7 @@ pub struct DeformParams {
     pub(crate) threshold: f32,
     pub(crate) min_norm: f32,
     pub(crate) slot: u32,
-    pub(crate) pad0: u32,
+    pub(crate) level: u32,
 }
 
 crate::layout::layout!(DeformParams {
@@ -101,7 +101,7 @@ crate::layout::layout!(DeformParams {
     threshold,
     min_norm,
     slot,
-    pad0
+    level
 });
 
 pub(crate) const LISTED: u32 = 1;

@@ -55,6 +55,8 @@ const HAS_WEIGHT: u32 = 1;
 const HAS_BIAS: u32 = 2;
 /// Rows a workgroup of the software variant owns (`ROWS` in the sidecar file).
 const SOFTWARE_ROWS: u64 = 4;
+/// Channels that 64 invocations of the subgroup variant hold in registers.
+const SUBGROUP_CHANNELS: u32 = 64 * 4 * 8;
 /// Rows a workgroup of the baseline variant owns.
 const BASELINE_ROWS: u64 = 64;
 
@@ -83,6 +85,9 @@ impl LayerNorm {
         }
         let (shader, group_rows) = match caps.tier {
             Tier::Software if self.c.is_multiple_of(4) => (&shaders::SOFTWARE, SOFTWARE_ROWS),
+            Tier::Gpu if caps.subgroup.is_some() && self.c.is_multiple_of(4) && self.c <= SUBGROUP_CHANNELS => {
+                (&shaders::SUBGROUP, 1)
+            }
             Tier::Gpu => (&shaders::GPU, 1),
             _ => (&shaders::BASELINE, BASELINE_ROWS),
         };

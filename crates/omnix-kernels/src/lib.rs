@@ -44,7 +44,7 @@ pub mod traj_apply;
 pub mod trajectory;
 
 pub use activation::Activation;
-pub use caps::{Caps, Tier};
+pub use caps::{Caps, Cooperative, Tier};
 pub use dispatch::{Arg, Dispatch};
 pub use error::KernelError;
 pub use gpu::Gpu;

@@ -1,13 +1,14 @@
 //! `y[m, n] = residual + gamma[n] · act(Σ_k x[m, k] W[k, n] + bias[n])`: every linear layer, every 1×1
 //! convolution (rows are pixels) and, by way of `depth_to_space`, transposed convolutions.
 //!
-//! W is packed ([`PackedWeights`]). Sums run over k in order in every variant and whatever the rows or
+//! W is packed ([`PackedWeights`]); int8 columns are scaled after their sum. Sums run over k in order in every variant and whatever the rows or
 //! windows of a dispatch, so splitting changes no bit.
 
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, linear as shaders};
+use smallvec::{SmallVec, smallvec};
 
-use crate::caps::UNIFORM_WINDOW;
+use crate::caps::{Cooperative, UNIFORM_WINDOW};
 use crate::dispatch::Window;
 use crate::{Activation, Arg, Caps, Dispatch, KernelError, PackedWeights, Tier, WeightType};
 
@@ -106,6 +107,7 @@ impl Linear {
         let shader = match w.storage {
             WeightType::F32 => &shaders::SOFTWARE,
             WeightType::F16 => &shaders::SOFTWARE_W16,
+            WeightType::I8 => &shaders::SOFTWARE_W8,
         };
         let k_window = (UNIFORM_WINDOW / WeightType::ROW_BYTES * w.storage.k_per_row()) as u32;
         let whole_blocks = (k_window / w.k_packed()).clamp(1, w.blocks());
@@ -133,12 +135,12 @@ impl Linear {
     /// The other variants: weights in storage, split by columns where they exceed the binding limit.
     fn column_windows(&self, row0: u64, m: u64, caps: &Caps, out: &mut Vec<Dispatch>) {
         let w = &self.weights;
-        let gpu = caps.tier == Tier::Gpu;
+        let gpu = caps.tier == Tier::Gpu && w.k.is_multiple_of(4) && w.n.is_multiple_of(4);
         let shader = match (gpu, w.storage) {
-            (true, WeightType::F32) => &shaders::GPU,
-            (true, WeightType::F16) => &shaders::GPU_W16,
+            (true, storage) => tile(storage, caps),
             (false, WeightType::F32) => &shaders::BASELINE,
             (false, WeightType::F16) => &shaders::BASELINE_W16,
+            (false, WeightType::I8) => &shaders::BASELINE_W8,
         };
         // An even number of blocks: the GPU tile is two wide, and 256-byte alignment follows.
         let fit = (caps.max_binding / w.block_bytes()).max(2) as u32 / 2 * 2;
@@ -186,8 +188,35 @@ impl Linear {
         };
         let rows = |arg: Arg, width: u32| arg.window(row0 * u64::from(width) * 4, m * u64::from(width) * 4);
         let residual = if self.residual { rows(RESIDUAL, n) } else { Arg::ABSENT.into() };
-        let windows =
-            [rows(X, k), window, BIAS.when(self.bias).into(), GAMMA.when(self.gamma).into(), residual, rows(Y, n)];
+        let mut windows: SmallVec<[Window; 8]> = smallvec![
+            rows(X, k),
+            window,
+            BIAS.when(self.bias).into(),
+            GAMMA.when(self.gamma).into(),
+            residual,
+            rows(Y, n)
+        ];
+        if self.weights.storage == WeightType::I8 {
+            let (start, bytes) = self.weights.scales();
+            windows.push(W.window(start, bytes));
+        }
         Dispatch::new(shader, &params, &windows, groups)
+    }
+}
+
+/// The GPU variant: cooperative matrices before f16 tiles before f32 tiles. f16 operands only beside weights that are no better.
+fn tile(storage: WeightType, caps: &Caps) -> &'static Shader {
+    use shaders as s;
+    let half = caps.f16 && storage != WeightType::F32;
+    let [coop_16, coop_8, f16, plain] = match storage {
+        WeightType::F32 => [&s::COOPERATIVE_8, &s::COOPERATIVE_8, &s::GPU, &s::GPU],
+        WeightType::F16 => [&s::COOPERATIVE_16_W16, &s::COOPERATIVE_8_W16, &s::GPU_F16_W16, &s::GPU_W16],
+        WeightType::I8 => [&s::COOPERATIVE_16_W8, &s::COOPERATIVE_8_W8, &s::GPU_F16_W8, &s::GPU_W8],
+    };
+    match caps.products() {
+        Cooperative { f16_16: true, .. } if half => coop_16,
+        Cooperative { f32_8: true, .. } => coop_8,
+        _ if half => f16,
+        _ => plain,
     }
 }

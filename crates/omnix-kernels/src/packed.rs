@@ -1,5 +1,8 @@
 //! Weight matrices as the kernels read them: blocks of 32 output columns, `[block][k][32]`
-//! (`shaders/lib/weights.wgsl`), f32, or f16 with two k side by side in one 32-bit word.
+//! (`shaders/lib/weights.wgsl`), f32, f16 with two k side by side in one 32-bit word, or int8 with four.
+//!
+//! int8 is symmetric, one f32 scale an output column: `w ≈ scale[n] · q`, q in −127..=127, nearest. The scales lie behind the
+//! blocks; products are summed over q and scaled once at the end. Only `linear` reads it.
 
 use half::f16;
 
@@ -14,6 +17,8 @@ pub enum WeightType {
     F32,
     /// 2 bytes a weight, unpacked in the shader: needs no f16 feature.
     F16,
+    /// 1 byte a weight and a scale an output column, for linear layers; what else is stored as half precision stays [`Self::F16`].
+    I8,
 }
 
 impl WeightType {
@@ -22,6 +27,7 @@ impl WeightType {
         match self {
             Self::F32 => 1,
             Self::F16 => 2,
+            Self::I8 => 4,
         }
     }
 
@@ -41,10 +47,14 @@ pub struct PackedWeights {
 }
 
 impl PackedWeights {
-    /// k after padding to a multiple of 4 (zero weights).
+    /// k after padding with zero weights: to a multiple of 4, of 8 for int8, so that blocks start on 256-byte boundaries.
     #[must_use]
     pub const fn k_packed(&self) -> u32 {
-        self.k.div_ceil(4) * 4
+        let unit = match self.storage {
+            WeightType::F32 | WeightType::F16 => 4,
+            WeightType::I8 => 8,
+        };
+        self.k.div_ceil(unit) * unit
     }
 
     /// Blocks of 32 columns.
@@ -59,10 +69,20 @@ impl PackedWeights {
         self.k_packed() as u64 / self.storage.k_per_row() * WeightType::ROW_BYTES
     }
 
-    /// Size of the buffer: the blocks, and a tail so that a 64 KiB uniform window fits at every block.
+    /// Where the scales of int8 columns are in the buffer, and their bytes.
+    pub(crate) const fn scales(&self) -> (u64, u64) {
+        let bytes = match self.storage {
+            WeightType::F32 | WeightType::F16 => 0,
+            WeightType::I8 => self.blocks() as u64 * 128,
+        };
+        (round_up(self.block_bytes() * self.blocks() as u64, 256), bytes)
+    }
+
+    /// Size of the buffer: the blocks, int8's scales, and a tail so that a 64 KiB uniform window fits at every block.
     #[must_use]
     pub const fn bytes(&self) -> u64 {
-        round_up(self.block_bytes() * self.blocks() as u64, 256) + UNIFORM_WINDOW
+        let (start, scales) = self.scales();
+        round_up(start + scales, 256) + UNIFORM_WINDOW
     }
 
     /// Packs a matrix given by `weight(k, n)`; the result has [`PackedWeights::bytes`] bytes.
@@ -89,6 +109,19 @@ impl PackedWeights {
                             let value = f16::from_f32(at(row, block * 32 + column));
                             out[to..to + 2].copy_from_slice(&value.to_le_bytes());
                         }
+                    }
+                }
+                WeightType::I8 => {
+                    for column in 0..32 {
+                        let largest = (0..k).fold(0.0f32, |most, row| most.max(at(row, block * 32 + column).abs()));
+                        let scale = largest / 127.0;
+                        for row in 0..k {
+                            // A column of zeros has scale 0, and 0 / 0 becomes 0 as an integer.
+                            let q = (at(row, block * 32 + column) / scale).round() as i8;
+                            out[base + (row / 4 * 32 + column) * 4 + row % 4] = q.to_le_bytes()[0];
+                        }
+                        let to = self.scales().0 as usize + (block * 32 + column) * 4;
+                        out[to..to + 4].copy_from_slice(&scale.to_le_bytes());
                     }
                 }
             }
@@ -118,5 +151,18 @@ mod tests {
         let bytes = shape.pack(|k, _| k as f32);
         assert_eq!(half::f16::from_le_bytes([bytes[2], bytes[3]]).to_f32(), 1.0);
         assert_eq!(half::f16::from_le_bytes([bytes[128], bytes[129]]).to_f32(), 2.0);
+    }
+
+    #[test]
+    fn int8_keeps_four_k_together_and_the_scales_behind() {
+        let shape = PackedWeights { k: 9, n: 40, storage: WeightType::I8 };
+        // Column 1 reaches from -254 to 254, all others are 0.
+        let bytes = shape.pack(|k, n| if n == 1 { (k as f32 - 4.0) * 63.5 } else { 0.0 });
+        assert_eq!(bytes.len() as u64, shape.bytes());
+        assert_eq!((shape.k_packed(), shape.block_bytes()), (16, 512));
+        let q: Vec<i8> = (0..12).map(|k| bytes[(k / 4 * 32 + 1) * 4 + k % 4].cast_signed()).collect();
+        assert_eq!(q, [-127, -95, -64, -32, 0, 32, 64, 95, 127, 0, 0, 0]);
+        let scale = |n: usize| f32::from_le_bytes(std::array::from_fn(|i| bytes[2 * 512 + 4 * n + i]));
+        assert_eq!((scale(0), scale(1), scale(39)), (0.0, 2.0, 0.0));
     }
 }

@@ -29,8 +29,8 @@ pub const Y: Arg = Arg(7);
 pub const THETA: Arg = Arg(8);
 /// Scratch of [`Trajectory::anchor_words`]: what of a pixel does not depend on the target time.
 pub const ANCHOR: Arg = Arg(9);
-/// Scratch of [`packed_words`], read through uniform windows: the field of the times in question, for the variants that
-/// read it so.
+/// Scratch of [`packed_words`]: the field of the times in question as vec4, for the software variants, which read it through
+/// uniform windows, and the GPU's.
 pub const PACKED: Arg = Arg(10);
 
 /// 32-bit words of [`PACKED`] for a range of `nt` times: the range and the own time, cells padded to 16 and channels to 12, so
@@ -44,6 +44,9 @@ pub const fn packed_words(levels: u64, nt: u64, cells: u64) -> u64 {
 const MAX_WINDOWS: u32 = 4;
 /// Times of a workgroup of the software variant that takes several (`TW` in the sidecar file).
 const SOFTWARE_TIMES: u64 = 2;
+
+/// Times of an invocation of the GPU variant (`TW` in the sidecar file).
+const GPU_TIMES: u64 = 4;
 
 /// What to compute.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,7 +91,8 @@ impl Trajectory {
         let times = times_of_window(fit, all, caps).min(MAX_SAMPLES / taps / fit).clamp(1, all_times);
         let windows = self.slots_of_window(caps);
         let mut out = Vec::new();
-        if windows.is_some() {
+        let gpu = self.packs_for_gpu(caps);
+        if windows.is_some() || gpu {
             out.extend((0..u64::from(self.sample.levels)).map(|level| self.pack(level, caps)));
         }
         // Times of a dispatch: one window of slots where the field is packed, whole workgroups if there is a choice.
@@ -122,6 +126,11 @@ impl Trajectory {
         let slots = UNIFORM_WINDOW / (self.padded_cells() * 48);
         let fits = slots > 0 && self.sample.levels <= MAX_WINDOWS && self.level_words() <= room(caps);
         (caps.tier == Tier::Software && fits).then_some(slots)
+    }
+
+    /// Whether the GPU variant reads the packed field here: all levels of the range through one binding.
+    fn packs_for_gpu(&self, caps: &Caps) -> bool {
+        caps.tier == Tier::Gpu && u64::from(self.sample.levels) * self.level_words() <= room(caps)
     }
 
     /// One level of the field, packed.
@@ -176,7 +185,11 @@ impl Trajectory {
         (params.nt, params.skip, params.step) = (nt as u32, t0 as u32, (all * 3) as u32);
         (params.gate, params.threshold) = self.motion.gate.code();
         params.min_norm = self.motion.min_norm;
-        params.slot = (self.padded_cells() * 3) as u32;
+        (params.slot, params.level) = ((self.padded_cells() * 3) as u32, (self.level_words() / 4) as u32);
+        if self.packs_for_gpu(caps) {
+            let windows = [offsets, weights, PACKED.into(), anchor, y, theta];
+            return Dispatch::new(&shaders::GPU, &params, &windows, (n * nt.div_ceil(GPU_TIMES)).div_ceil(64));
+        }
         if packed {
             let [a, b, c, d] = self.windows(t0);
             let windows = [offsets, weights, a, b, c, d, anchor, y, theta];

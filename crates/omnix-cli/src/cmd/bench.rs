@@ -161,7 +161,7 @@ fn kernels(table: &mut Table<'_>, gpu: &Gpu, quick: bool) -> Result<(), CliError
         let timing = time(gpu, dispatches, &upload(gpu, args)?, effort)?;
         table.row(name, case, Seconds { wall: timing.wall, quiet: timing.cpu }, work)
     };
-    for storage in [WeightType::F32, WeightType::F16] {
+    for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
         let (m, n, k) = (721, 1536, 384);
         let weights = PackedWeights { k, n, storage };
         let spec = Linear { m, weights, act: Activation::None, bias: true, gamma: false, residual: false };

@@ -48,7 +48,7 @@ fn purpose(feature: Features) -> &'static str {
     } else if feature == Features::TIMESTAMP_QUERY {
         "times of single kernels in bench --trace"
     } else if feature == Features::SHADER_F16 {
-        "kernels that store weights as f16"
+        "GPU kernels that compute with f16 beside f16 and int8 weights"
     } else {
         "speed"
     }

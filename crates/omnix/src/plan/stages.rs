@@ -192,7 +192,7 @@ pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<
     Err(OmnixError::Budget {
         budget: request.budget.unwrap_or(u64::MAX),
         least: budget.least,
-        hint: "fewer images with --frames, smaller ones with --process-res or --size, or --weights-type f16",
+        hint: "fewer images with --frames, smaller ones with --process-res or --size, or --weights-type f16 or i8",
     })
 }
 
