@@ -1,6 +1,3 @@
-#if HALF
-enable f16;
-#endif
 // attention, GPUs with subgroups: see lib/attention_params for the equation and the shapes.
 //
 // A workgroup owns 64 queries of one head, four neighbouring lanes share $Q of them: each lane sums a quarter of the channels
@@ -20,6 +17,9 @@ enable f16;
 // Cooperative matrices were left out: scores leave them for the softmax and weights enter again through workgroup memory,
 // which with 64 queries takes 64 * 16 * 6 bytes beside 64 * $DP * 2 of queries and 64 * $DP * 4 of sums to rescale: 30 KiB at
 // 64 channels, 54 at 128, above WebGPU's 16; 16 queries fit and then read keys four times as often.
+#if HALF
+enable f16;
+#endif
 #import attention_params
 #import grid
 

@@ -1,3 +1,8 @@
+// conv2d, GPUs: see lib/conv2d_params for the equation and the shapes.
+//
+// Implicit matrix product: rows are pixels, k the taps' channels, gathered while they are staged; the tiles and their
+// roofline are in lib/tile_product and lib/tile_cooperative. A 3x3 kernel reads a pixel nine times, from L1 or L2: 18
+// instead of 2 flop a byte from memory for each output channel. ci and co are multiples of 4.
 #if HALF
 enable f16;
 #endif
@@ -6,11 +11,6 @@ enable f16;
 enable wgpu_cooperative_matrix;
 #endif
 #endif
-// conv2d, GPUs: see lib/conv2d_params for the equation and the shapes.
-//
-// Implicit matrix product: rows are pixels, k the taps' channels, gathered while they are staged; the tiles and their
-// roofline are in lib/tile_product and lib/tile_cooperative. A 3x3 kernel reads a pixel nine times, from L1 or L2: 18
-// instead of 2 flop a byte from memory for each output channel. ci and co are multiples of 4.
 #import conv2d_params
 #import grid
 #import packed_storage

@@ -1,3 +1,5 @@
+// linear, GPUs: see lib/linear_params for the equation and the shapes, lib/tile_product and lib/tile_cooperative for the tiles
+// and their roofline. n and k are multiples of 4.
 #if HALF
 enable f16;
 #endif
@@ -6,8 +8,6 @@ enable f16;
 enable wgpu_cooperative_matrix;
 #endif
 #endif
-// linear, GPUs: see lib/linear_params for the equation and the shapes, lib/tile_product and lib/tile_cooperative for the tiles
-// and their roofline. n and k are multiples of 4.
 #import linear_params
 #import grid
 #import packed_storage

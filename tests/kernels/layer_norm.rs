@@ -48,7 +48,7 @@ fn a_common_offset_costs_no_more_than_its_rounding() {
     for gpu in families() {
         // One-pass variance would lose everything here: mean² is 10⁶ times the variance.
         let (got, want) = case(&gpu, &spec(5, 384, Activation::None, false), 3000.0);
-        assert_close(&format!("{}", family(&gpu)), &got, &want, 2e-4);
+        assert_close(&family(&gpu), &got, &want, 2e-4);
     }
 }
 

@@ -64,9 +64,8 @@ impl Cooperative {
     pub fn of(list: &[wgpu::CooperativeMatrixProperties]) -> Self {
         use wgpu::CooperativeScalarType::{F16, F32};
         let has = |size: u32, operands| {
-            list.iter().any(|p| {
-                [p.m_size, p.n_size, p.k_size] == [size; 3] && p.ab_type == operands && p.cr_type == F32
-            })
+            list.iter()
+                .any(|p| [p.m_size, p.n_size, p.k_size] == [size; 3] && p.ab_type == operands && p.cr_type == F32)
         };
         Self { f16_16: has(16, F16), f32_8: has(8, F32) }
     }
