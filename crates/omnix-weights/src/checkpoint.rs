@@ -121,7 +121,9 @@ impl Checkpoint {
         self.digest.get_or_init(|| {
             let mut hasher = blake3::Hasher::new();
             for file in &self.files {
-                hasher.update(file.bytes());
+                file.in_pieces(&mut |piece| {
+                    hasher.update(piece);
+                });
             }
             hasher.finalize().to_hex().to_string()
         })
@@ -164,6 +166,16 @@ impl Checkpoint {
         match self.index.get(&full) {
             Some(&file) => self.files[file].tensor(&full),
             None => Err(WeightsError::TensorMissing { tensor: full, path: self.path.clone() }),
+        }
+    }
+
+    /// Gives back the memory that reading a tensor (by logical name) took, where the files are mapped: a checkpoint that is
+    /// uploaded tensor by tensor never lies in memory whole.
+    pub fn release(&self, name: &str) {
+        if let Some(full) = self.resolve(name)
+            && let Some(&file) = self.index.get(&full)
+        {
+            self.files[file].release(&full);
         }
     }
 

@@ -36,6 +36,9 @@ impl TensorInfo {
     }
 }
 
+/// Bytes that are looked at together when a whole file goes by.
+const PIECE: usize = 16 << 20;
+
 /// A safetensors file, mapped or in memory. Tensors are found by their full names.
 #[derive(Debug)]
 pub struct TensorFile {
@@ -108,10 +111,20 @@ impl TensorFile {
         self.info(name).map(|info| &self.bytes[info.range.clone()])
     }
 
-    /// The whole file.
-    #[must_use]
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
+    /// Gives back the memory that reading a tensor took, where the file is mapped; a later access reads the file again.
+    pub fn release(&self, name: &str) {
+        if let Some(info) = self.info(name) {
+            self.bytes.release(info.range.clone());
+        }
+    }
+
+    /// The whole file in pieces, none of which stays in memory.
+    pub(crate) fn in_pieces(&self, each: &mut dyn FnMut(&[u8])) {
+        for start in (0..self.bytes.len()).step_by(PIECE) {
+            let end = (start + PIECE).min(self.bytes.len());
+            each(&self.bytes[start..end]);
+            self.bytes.release(start..end);
+        }
     }
 
     /// Where the file lies, or the label of bytes in memory.

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::fs::File;
+use std::ops::Range;
 use std::path::Path;
 
 use memmap2::Mmap;
@@ -29,6 +30,19 @@ impl Bytes {
     }
 }
 
+impl Bytes {
+    /// Gives back the memory of pages that were read for `range`; a later access reads them from the file again. Without
+    /// it a checkpoint that is looked through once stays in the process's memory whole.
+    pub(crate) fn release(&self, range: Range<usize>) {
+        #[cfg(unix)]
+        if let Self::Mapped(map) = self {
+            release_pages(map, range);
+        }
+        #[cfg(not(unix))]
+        let _ = range;
+    }
+}
+
 impl std::ops::Deref for Bytes {
     type Target = [u8];
 
@@ -47,4 +61,13 @@ fn map_file(file: &File) -> std::io::Result<Mmap> {
     // plain numbers through `u8` slices, whose length was fixed here, and nothing but a shrinking file (SIGBUS, which
     // the documentation of `Checkpoint::open` states) can go wrong by that.
     unsafe { Mmap::map(file) }
+}
+
+#[cfg(unix)]
+#[expect(unsafe_code, reason = "the system's advice on pages has no safe form where it drops them")]
+fn release_pages(map: &Mmap, range: Range<usize>) {
+    // SAFETY: MADV_DONTNEED loses what was written to a mapping; this one is read-only and of a file, so a dropped page
+    // comes back from the file with the same bytes, as it did at the first access. Slices into it stay valid.
+    // A refusal costs memory, nothing else.
+    let _ = unsafe { map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, range.start, range.len()) };
 }

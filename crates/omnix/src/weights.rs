@@ -108,6 +108,7 @@ impl Weights {
             for (name, _) in file.tensors() {
                 let view = file.tensor(name)?;
                 finite(name, omnix_weights::find_non_finite(&view))?;
+                file.release(name);
             }
         }
         Ok(())
@@ -122,6 +123,7 @@ impl ParameterSource for Weights {
     fn read(&self, name: &str) -> Result<Vec<f32>, Box<dyn std::error::Error + Send + Sync>> {
         let view = self.checkpoint.tensor(name).map_err(OmnixError::from)?;
         let numbers = view.to_f32();
+        self.checkpoint.release(name);
         let bad = numbers.iter().position(|v| !v.is_finite()).map(|i| (i, numbers[i]));
         finite(name, bad)?;
         Ok(numbers)
