@@ -3,6 +3,8 @@
 //! Written from the operations' definitions; shares nothing with the kernels. f32 sums, plain loops. Head-major tensors are
 //! `[group, head, token, channel]` whatever layout the kernels use; u32 values are kept as bits.
 
+mod motion;
+
 use std::collections::BTreeMap;
 
 use omnix_graph::graph::Source;
@@ -100,7 +102,7 @@ impl Run<'_> {
                 vec![rows.flatten().copied().collect()]
             }
             Op::ReferenceView { x, strategy } => reference_view(self.get(*x), self.graph.shape(*x)[0], *strategy),
-            other => panic!("{} is not interpreted", other.name()),
+            other => self.motion(other).unwrap_or_else(|| panic!("{} is not interpreted", other.name())),
         }
     }
 
@@ -262,6 +264,7 @@ impl Run<'_> {
         match op {
             Binary::Add => pairs.map(|(a, b)| a + b).collect(),
             Binary::Mul => pairs.map(|(a, b)| a * b).collect(),
+            Binary::Max => pairs.map(|(a, b)| a.max(b)).collect(),
             other => panic!("{other:?} is not interpreted"),
         }
     }
@@ -311,6 +314,15 @@ fn unary(op: Unary, v: f32) -> f32 {
     match op {
         Unary::Relu => v.max(0.0),
         Unary::Gelu => activate(Activation::Gelu, v),
+        Unary::Silu => activate(Activation::Silu, v),
+        Unary::Sigmoid => 1.0 / (1.0 + (-v).exp()),
+        Unary::Softplus => {
+            if v > 20.0 {
+                v
+            } else {
+                v.exp().ln_1p()
+            }
+        }
         Unary::Exp => v.exp(),
         Unary::ExpClamped { low, high } => v.clamp(low, high).exp(),
         Unary::ScaleShift { s, t } => v * s + t,
