@@ -1,7 +1,7 @@
 //! Shared bench harness: the device, the command line, and a Markdown table of cases against the machine's ceilings.
 //!
-//! `cargo bench -p omnix-benches --bench kernels [-- [--test] [--tier software|baseline|gpu] [FILTER]]`; `--test` runs each
-//! case once, a filter keeps the cases whose "kernel case" contains it. `OMNIX_DEVICE` picks the device.
+//! `cargo bench -p omnix-benches --bench kernels [-- [--test] [--tier software|baseline|gpu] [--experimental] [FILTER]]`;
+//! `--test` runs each case once, `--experimental` uses cooperative matrices where the device has them, a filter keeps the cases whose "kernel case" contains it. `OMNIX_DEVICE` picks the device.
 //!
 //! `--serve` is for tools/compare, which measures several programs in turn: every line of standard input is a filter, and
 //! its cases are measured once (one run of a tenth of a second) and answered by a JSON object a case and an empty line.
@@ -29,6 +29,8 @@ pub struct Options {
     pub test: bool,
     /// Take filters from standard input, answer in JSON.
     pub serve: bool,
+    /// Cooperative matrices, where the device has them.
+    pub experimental: bool,
     /// Another family of variants than the device's own.
     pub tier: Option<Tier>,
     /// A part of "kernel case".
@@ -47,6 +49,7 @@ impl Options {
             match arg.as_str() {
                 "--test" => options.test = true,
                 "--serve" => options.serve = true,
+                "--experimental" => options.experimental = true,
                 // Cargo adds it.
                 "--bench" => {}
                 "--tier" => {
@@ -60,7 +63,7 @@ impl Options {
                 filter if !filter.starts_with('-') => options.filter = Some(filter.to_owned()),
                 other => {
                     return Err(format!(
-                        "unknown argument {other}; there are --test, --serve, --tier TIER and a filter"
+                        "unknown argument {other}; there are --test, --serve, --experimental, --tier TIER and a filter"
                     ));
                 }
             }
@@ -85,8 +88,11 @@ impl Bench {
     /// When there is no usable device.
     pub fn new(options: Options) -> Result<Self, KernelError> {
         let adapter = adapter::choose(std::env::var("OMNIX_DEVICE").ok().as_deref())?;
-        let (device, queue) = adapter::open(&adapter)?;
+        let (device, queue, products) = adapter::open_experimental(&adapter)?;
         let mut gpu = Gpu::new(&device, &queue);
+        if options.experimental {
+            gpu = gpu.with_caps(gpu.caps.clone().with_cooperative(products));
+        }
         if let Some(tier) = options.tier {
             gpu = gpu.with_caps(gpu.caps.clone().with_tier(tier));
         }

@@ -5,7 +5,7 @@ pub mod rng;
 
 use std::sync::OnceLock;
 
-use omnix_kernels::{Caps, Gpu, Tier, adapter};
+use omnix_kernels::{Caps, Cooperative, Gpu, Tier, adapter};
 
 pub use compare::{assert_close, relative_error};
 pub use rng::Rng;
@@ -21,8 +21,9 @@ pub fn gpu() -> &'static Gpu {
     GPU.get_or_init(|| {
         let wanted = std::env::var("OMNIX_DEVICE").ok();
         let adapter = adapter::choose(wanted.as_deref()).expect("the tests need a device: run tools/setup");
-        let (device, queue) = adapter::open(&adapter).expect("the device opens");
-        Gpu::new(&device, &queue)
+        let (device, queue, products) = adapter::open_experimental(&adapter).expect("the device opens");
+        let gpu = Gpu::new(&device, &queue);
+        gpu.with_caps(gpu.caps.clone().with_cooperative(products))
     })
 }
 
@@ -38,15 +39,20 @@ pub fn tiers() -> Vec<Gpu> {
     tiers.into_iter().map(|caps| gpu.with_caps(caps)).collect()
 }
 
-/// [`tiers`], then the GPU variants with subgroups and those with subgroups and f16, where the device has them.
+/// [`tiers`], then the GPU variants with subgroups, with subgroups and f16, and with cooperative matrices too, each where
+/// the device has them.
 #[must_use]
 pub fn families() -> Vec<Gpu> {
     let mut families = tiers();
     let caps = gpu().caps.clone().with_tier(Tier::Gpu);
     if caps.subgroup.is_some() {
-        families.push(gpu().with_caps(caps.clone().with_f16(false)));
+        let plain = caps.clone().with_f16(false).with_cooperative(Cooperative::default());
+        families.push(gpu().with_caps(plain));
     }
     if caps.f16 {
+        families.push(gpu().with_caps(caps.clone().with_cooperative(Cooperative::default())));
+    }
+    if caps.cooperative != Cooperative::default() {
         families.push(gpu().with_caps(caps));
     }
     families
@@ -56,7 +62,14 @@ pub fn families() -> Vec<Gpu> {
 #[must_use]
 pub fn family(gpu: &Gpu) -> String {
     let with = |on: bool, what: &str| if on && gpu.caps.tier == Tier::Gpu { format!(" {what}") } else { String::new() };
-    format!("{}{}{}", gpu.caps.tier, with(gpu.caps.subgroup.is_some(), "subgroup"), with(gpu.caps.f16, "f16"))
+    let cooperative = gpu.caps.cooperative != Cooperative::default();
+    format!(
+        "{}{}{}{}",
+        gpu.caps.tier,
+        with(gpu.caps.subgroup.is_some(), "subgroup"),
+        with(gpu.caps.f16, "f16"),
+        with(cooperative, "cooperative")
+    )
 }
 
 /// Whether kernels round operands to f16 on this device.

@@ -90,12 +90,10 @@ fn every_variant_matches_the_oracle() {
                     (Activation::Silu, false),
                 ] {
                     let (got, want) = case(&gpu, shape, storage, act, full);
-                    assert_close(
-                        &format!("{} {shape:?} {storage:?} {act:?} full {full}", family(&gpu)),
-                        &got,
-                        &want,
-                        2e-6,
-                    );
+                    // Matrix units add with their own rounding (an H200: 2.5e-6 at k = 2052, with f16 operands).
+                    let most = if gpu.caps.cooperative == Cooperative::default() { 2e-6 } else { 1e-5 };
+                    let label = format!("{} {shape:?} {storage:?} {act:?} full {full}", family(&gpu));
+                    assert_close(&label, &got, &want, most);
                 }
             }
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use omnix::io::Export;
 use omnix::io::preprocess::ResizeMethod;
-use omnix::{FieldPrecision, ReferenceChoice, WeightType};
+use omnix::{Engine, FieldPrecision, OmnixError, ReferenceChoice, WeightType};
 
 use crate::{bytes, cmd, error};
 
@@ -46,6 +46,26 @@ impl Command {
             Self::Weights(command) => command.json(),
             Self::Bench(args) => args.json,
         }
+    }
+}
+
+/// Which device, shared by commands that open one.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DeviceArgs {
+    /// Device by index or part of its name, as `omnix devices` lists them. [default: the first that will do]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Device")]
+    pub(crate) device: Option<String>,
+    /// Use features of the device that wgpu calls experimental: cooperative matrices (tensor cores), beside f16 and i8
+    /// weights several times faster where there are any.
+    #[arg(long, help_heading = "Device")]
+    pub(crate) experimental: bool,
+}
+
+impl DeviceArgs {
+    /// Opens it.
+    pub(crate) fn open(&self) -> Result<Engine, OmnixError> {
+        let wanted = self.device.as_deref();
+        if self.experimental { Engine::open_experimental(wanted) } else { Engine::open(wanted) }
     }
 }
 
@@ -110,9 +130,8 @@ pub(crate) struct RunArgs {
     /// free memory]
     #[arg(long, value_name = "SIZE", help_heading = "Device", value_parser = bytes::parse)]
     pub(crate) memory_budget: Option<u64>,
-    /// Device by index or part of its name, as `omnix devices` lists them. [default: the first that will do]
-    #[arg(long, value_name = "NAME|INDEX", help_heading = "Device")]
-    pub(crate) device: Option<String>,
+    #[command(flatten)]
+    pub(crate) device: DeviceArgs,
 
     /// One JSON object a line on standard output, nothing for people.
     ///

@@ -115,8 +115,8 @@ pub fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), Kern
 /// third value goes into [`crate::Caps::with_cooperative`]. A host that lends its own device asks for
 /// [`wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX`] and does the same with [`Cooperative::of`].
 ///
-/// Nothing in omnix calls this of itself: no driver at hand has the feature, so these variants were validated and
-/// their logic tested without it, never run.
+/// Nothing in omnix calls this unless asked (`omnix --experimental`): wgpu does not vouch for the feature. The variants were
+/// run on an NVIDIA H200; no driver of CI has it, there a stand-in tests their logic.
 ///
 /// # Errors
 /// As [`open`].

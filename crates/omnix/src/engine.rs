@@ -43,6 +43,19 @@ impl Engine {
         Ok(Self::new(&device, &queue))
     }
 
+    /// As [`Engine::open`], with wgpu's experimental cooperative matrices (tensor cores) where the adapter has products
+    /// that kernels can use; without them the same as `open`. A host with a device of its own that opted in says so
+    /// by [`Engine::with_caps`] and [`Caps::with_cooperative`].
+    ///
+    /// # Errors
+    /// As [`Engine::open`].
+    pub fn open_experimental(wanted: Option<&str>) -> Result<Self, OmnixError> {
+        let (device, queue, products) = adapter::open_experimental(&adapter::choose(wanted)?)?;
+        let engine = Self::new(&device, &queue);
+        let caps = engine.caps().clone().with_cooperative(products);
+        Ok(engine.with_caps(caps))
+    }
+
     /// The same device with other variants or limits, for tests and benches.
     #[must_use]
     pub fn with_caps(&self, caps: Caps) -> Self {

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use omnix::WeightType;
 use omnix::bench::{NetworkBench, Seconds};
 use omnix::graph::profile::{Span, write_chrome_trace};
 use omnix::kernels::attention::Attention;
@@ -16,9 +17,9 @@ use omnix::kernels::linear::Linear;
 use omnix::kernels::run::{HostArg, upload};
 use omnix::kernels::{Activation, Dispatch, Gpu, PackedWeights};
 use omnix::model::config::NetworkConfig;
-use omnix::{Engine, WeightType};
 use serde_json::{Value, json};
 
+use crate::args::DeviceArgs;
 use crate::error::CliError;
 use crate::ui::{self, Ui};
 
@@ -31,9 +32,8 @@ pub(crate) struct BenchArgs {
     /// Write a Chrome trace (chrome://tracing, Perfetto) of one run, one span for each piece of work.
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
-    /// Device by index or part of its name.
-    #[arg(long, value_name = "NAME|INDEX")]
-    device: Option<String>,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// One JSON object a row on standard output.
     #[arg(long)]
     pub(crate) json: bool,
@@ -59,7 +59,7 @@ struct Table<'a> {
 
 /// Prints the tables.
 pub(crate) fn run(args: &BenchArgs, ui: &mut Ui) -> Result<(), CliError> {
-    let engine = Engine::open(args.device.as_deref())?;
+    let engine = args.device.open()?;
     let info = engine.info();
     let software = engine.gpu().device.adapter_info().device_type == omnix::wgpu::DeviceType::Cpu;
     // The processors bound a software device alone.

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use omnix::Caps;
-use omnix::kernels::{KernelError, adapter};
+use omnix::kernels::{Cooperative, KernelError, adapter};
 use omnix::wgpu::{Adapter, Features};
 use serde_json::{Value, json};
 
@@ -68,6 +68,7 @@ fn describe(index: usize, adapter: &Adapter) -> Value {
         .iter_names()
         .map(|(name, f)| json!({ "name": name, "present": features.contains(f), "for": purpose(f) }))
         .collect();
+    let cooperative = Cooperative::of(&adapter.cooperative_matrix_properties()) != Cooperative::default();
     json!({
         "index": index,
         "name": info.name,
@@ -87,6 +88,7 @@ fn describe(index: usize, adapter: &Adapter) -> Value {
             "subgroup_lanes": [info.subgroup_min_size, info.subgroup_max_size],
         },
         "features": wanted,
+        "cooperative_matrices": cooperative,
     })
 }
 
@@ -112,6 +114,11 @@ fn text(fact: &Value, chosen: Option<usize>) -> String {
         let (name, purpose) = (feature["name"].as_str().unwrap_or(""), feature["for"].as_str().unwrap_or(""));
         let mark = if feature["present"] == true { "has" } else { "lacks" };
         lines.push(format!("   {mark} {name}: {purpose}"));
+    }
+    if fact["cooperative_matrices"] == true {
+        lines.push(
+            "   has cooperative matrices, with --experimental: faster products beside f16 and int8 weights".to_owned(),
+        );
     }
     if fact["usable"] == true {
         lines.push(format!("   usable; kernel variants: {}", word("tier")));

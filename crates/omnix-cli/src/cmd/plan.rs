@@ -1,7 +1,7 @@
 //! `omnix plan`: what a run would take. Needs no device.
 
 use clap::{Args, ValueEnum};
-use omnix::{Caps, Engine, RunPlan, Tier, Weights};
+use omnix::{Caps, RunPlan, Tier, Weights};
 use serde_json::json;
 
 use crate::args::RunArgs;
@@ -48,9 +48,10 @@ impl DeviceClass {
 
 /// Prints the plan.
 pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
-    let caps = match &args.run.device {
-        Some(device) => Engine::open(Some(device))?.caps().clone(),
-        None => args.device_class.caps(),
+    let caps = if args.run.device.device.is_some() || args.run.device.experimental {
+        args.run.device.open()?.caps().clone()
+    } else {
+        args.device_class.caps()
     };
     let (plan, weights, exports) = if let (Some(images), Some((width, height))) = (args.images, args.run.size) {
         let weights = Weights::find(&args.run.weights)?;

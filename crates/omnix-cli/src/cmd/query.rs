@@ -6,9 +6,10 @@ use clap::Args;
 use omnix::io::input::load_picture;
 use omnix::io::output::motion::ImageTime;
 use omnix::io::output::paths::PathTable;
-use omnix::{Engine, Field, FieldShape, OmnixError, Pixels, Query};
+use omnix::{Field, FieldShape, OmnixError, Pixels, Query};
 use serde_json::json;
 
+use crate::args::DeviceArgs;
 use crate::error::CliError;
 use crate::ui::{self, Ui};
 
@@ -30,9 +31,8 @@ pub(crate) struct QueryArgs {
     /// File to write: .npz or .csv. Without it CSV goes to standard output.
     #[arg(long, value_name = "FILE", value_parser = table_file)]
     out: Option<PathBuf>,
-    /// Device by index or part of its name. [default: the first that will do]
-    #[arg(long, value_name = "NAME|INDEX")]
-    device: Option<String>,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// One JSON object a line on standard output: path {image, pixel, times, positions, theta, confidence, moving} for each
     /// point (unless --out takes them), then done {points, times, file} or error.
     #[arg(long)]
@@ -76,7 +76,7 @@ fn wrong(reason: String) -> CliError {
 
 /// Evaluates and prints.
 pub(crate) fn run(args: &QueryArgs, ui: &mut Ui) -> Result<(), CliError> {
-    let engine = Engine::open(args.device.as_deref())?;
+    let engine = args.device.open()?;
     let field = Field::open(&engine, &args.field)?;
     let shape = *field.shape();
     let times = times(args.times.as_deref(), &shape)?;

@@ -61,7 +61,7 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     let since = Instant::now();
     stop::listen();
     let mut job = Job::new(&args.inputs, &args.run, ui)?;
-    let engine = Engine::open(args.run.device.as_deref())?;
+    let engine = args.run.device.open()?;
     let info = engine.info();
     let cpu = engine.gpu().device.adapter_info().device_type == omnix::wgpu::DeviceType::Cpu;
     // A field that does not fit the budget goes beside the results: that disk is known to have room.
