@@ -62,7 +62,7 @@ pub(crate) fn folders() -> Vec<Folder> {
 /// Adds `path` if it holds cases, else looks into its folders.
 fn descend(path: &Path, label: &str, depth: usize, out: &mut Vec<Folder>) {
     let folder = Folder { label: label.to_owned(), path: path.to_owned() };
-    let tables = ["geometry", "raypose", "posembed", "preprocess"];
+    let tables = ["geometry", "raypose", "posembed", "preprocess", "resize"];
     if !folder.cases().is_empty() || tables.iter().any(|t| folder.file(&format!("{t}.safetensors")).is_some()) {
         out.push(folder);
         return;

@@ -39,7 +39,8 @@ fn main() -> ExitCode {
                     if error > 0.0 { format!("; with {kind} weights {error:.3e}") } else { String::new() }
                 };
                 let rest = with("f16", half) + &with("int8", byte);
-                println!("{:<40} {worst:.3e}  {verdict}  ({tensors} tensors, worst {at}{rest})", folder.label);
+                let at = if at.is_empty() { at } else { format!(", worst {at}") };
+                println!("{:<40} {worst:.3e}  {verdict}  ({tensors} tensors{at}{rest})", folder.label);
                 failures.iter().take(12).for_each(|f| println!("    {f}"));
                 if failures.is_empty() { passed += 1 } else { failed += 1 }
             }
@@ -69,6 +70,9 @@ fn run(folder: &Folder) -> Result<Outcome, String> {
     }
     geometry::run(folder, &mut total)?;
     preprocess::run(folder, &mut total)?;
+    if total.tensors == 0 && folder.cases().is_empty() {
+        return Err("there is no case folder in it".to_owned());
+    }
     if total.tensors == 0 {
         return Ok(Outcome::OutOfScope("no recorded tensor of a part that exists".to_owned()));
     }
