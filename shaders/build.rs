@@ -29,7 +29,7 @@ struct Variant {
     file: Option<String>,
     #[serde(default)]
     defines: BTreeMap<String, i64>,
-    /// Device features the variant needs: "subgroup", "f16", "cooperative-matrix".
+    /// Device features the variant needs: "subgroup", "f16", "int64", "cooperative-matrix".
     #[serde(default)]
     requires: Vec<String>,
     doc: String,
@@ -117,6 +117,7 @@ fn capabilities(requires: &[String]) -> Result<Capabilities, String> {
         caps |= match feature.as_str() {
             "subgroup" => Capabilities::SUBGROUP,
             "f16" => Capabilities::SHADER_FLOAT16,
+            "int64" => Capabilities::SHADER_INT64,
             "cooperative-matrix" => Capabilities::COOPERATIVE_MATRIX,
             other => return Err(format!("unknown feature `{other}` in requires")),
         };

@@ -6,11 +6,12 @@
 // gather a software rasteriser does without branches. No workgroup memory, no barrier.
 #import attention_params
 #import grid
+#import quad
 
-@group(0) @binding(1) var<storage, read> q: array<vec4<f32>>;
-@group(0) @binding(2) var<uniform> k: array<vec4<f32>, 4096>;
-@group(0) @binding(3) var<uniform> v: array<vec4<f32>, 4096>;
-@group(0) @binding(4) var<storage, read_write> out: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> q: array<Quad>;
+@group(0) @binding(2) var<uniform> k: array<Quad, 4096>;
+@group(0) @binding(3) var<uniform> v: array<Quad, 4096>;
+@group(0) @binding(4) var<storage, read_write> out: array<Quad>;
 @group(0) @binding(5) var<storage, read_write> state: array<vec2<f32>>;
 
 @compute @workgroup_size(8)
@@ -47,7 +48,7 @@ fn main(
                 let at = out_of(i, query + ${t}u) + lane;
 #for v in 0..${DP/32}
                 if (${v*8}u + lane < d4) {
-                    o${t}_$v = out[at + ${v*8}u];
+                    o${t}_$v = lib_quad(out[at + ${v*8}u]);
                 }
 #end
             }
@@ -65,12 +66,14 @@ fn main(
         var at = kv + block * ${DP*8}u;
         for (var d = 0u; d < ${DP/4}u; d++) {
 #for r in 0..${TM/8}
-            let a$r = q[q$r + d];
+            let a$r = lib_quad(q[q$r + d]);
 #end
 #for c in 0..4
-            let k$c = k[at + ${c*8}u];
+            let k$c = lib_quad(k[at + ${c*8}u]);
+#end
 #for r in 0..${TM/8}
 #for j in 0..8
+#for c in 0..4
             s${r*8+j} = fma(vec4<f32>(subgroupShuffle(a$r[$c], ${j}u)), k$c, s${r*8+j});
 #end
 #end
@@ -100,17 +103,21 @@ fn main(
         for (var j = 0u; j < 8u; j++) {
 #for c in 0..4
 #for v in 0..${DP/32}
-            let v${c}_$v = v[at + ${v*8}u];
+            let v${c}_$v = lib_quad(v[at + ${v*8}u]);
 #end
             at += ${DP/4}u;
+#end
 #for t in 0..$TM
             {
-                let weight = vec4<f32>(subgroupShuffle(s$t[$c], j));
+#for c in 0..4
+                let weight$c = vec4<f32>(subgroupShuffle(s$t[$c], j));
+#end
 #for v in 0..${DP/32}
-                o${t}_$v = fma(weight, v${c}_$v, o${t}_$v);
+#for c in 0..4
+                o${t}_$v = fma(weight$c, v${c}_$v, o${t}_$v);
+#end
 #end
             }
-#end
 #end
         }
     }
@@ -130,7 +137,7 @@ fn main(
             let at = out_of(i, query + ${t}u) + lane;
 #for v in 0..${DP/32}
             if (${v*8}u + lane < d4) {
-                out[at + ${v*8}u] = o${t}_$v * scale;
+                out[at + ${v*8}u] = lib_to_quad(o${t}_$v * scale);
             }
 #end
         }

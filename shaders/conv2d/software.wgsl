@@ -8,17 +8,14 @@
 // Sums run over k in order within a window, and windows depend on the weights' shape alone.
 #import conv2d_params
 #import grid
+#import quad
 
-@group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
-#if W16
-@group(0) @binding(2) var<uniform> w: array<vec4<u32>, 4096>;
-#else
-@group(0) @binding(2) var<uniform> w: array<vec4<f32>, 4096>;
-#endif
-@group(0) @binding(3) var<storage, read> bias: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> residual: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> residual2: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> y: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> x: array<Quad>;
+@group(0) @binding(2) var<uniform> w: array<Quad, 4096>;
+@group(0) @binding(3) var<storage, read> bias: array<Quad>;
+@group(0) @binding(4) var<storage, read> residual: array<Quad>;
+@group(0) @binding(5) var<storage, read> residual2: array<Quad>;
+@group(0) @binding(6) var<storage, read_write> y: array<Quad>;
 
 fn finish(sum: vec4<f32>, pixel: u32, n4: u32) {
     if (pixel >= p.pixels || n4 * 4u >= p.co) {
@@ -27,21 +24,21 @@ fn finish(sum: vec4<f32>, pixel: u32, n4: u32) {
     let at = p.y_rest / 4u + pixel * (p.co / 4u) + n4;
     var v = sum;
     if ((p.flags & ACCUMULATE) != 0u) {
-        v += y[at];
+        v += lib_quad(y[at]);
     }
     if ((p.flags & LAST) != 0u) {
         if ((p.flags & HAS_BIAS) != 0u) {
-            v += bias[n4];
+            v += lib_quad(bias[n4]);
         }
         v = lib_activate(v, p.act);
         if ((p.flags & HAS_RESIDUAL) != 0u) {
-            v += residual[at];
+            v += lib_quad(residual[at]);
         }
         if ((p.flags & HAS_RESIDUAL2) != 0u) {
-            v += residual2[at];
+            v += lib_quad(residual2[at]);
         }
     }
-    y[at] = v;
+    y[at] = lib_to_quad(v);
 }
 
 @compute @workgroup_size(8)
@@ -83,7 +80,7 @@ fn main(
 #end
         for (var k = 0u; k < steps; k++) {
 #for r in 0..$R
-            let a$r = select(vec4<f32>(0.0), max(x[x$r], low), on$r);
+            let a$r = select(vec4<f32>(0.0), max(lib_quad(x[x$r]), low), on$r);
             x$r += 1u;
 #end
 #import product_step

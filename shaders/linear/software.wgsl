@@ -7,21 +7,14 @@
 // Sums run over k in order, so neither the rows nor the windows chosen change a bit.
 #import linear_params
 #import grid
+#import quad
 
-@group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
-#if W16
-@group(0) @binding(2) var<uniform> w: array<vec4<u32>, 4096>;
-#else
-#if W8
-@group(0) @binding(2) var<uniform> w: array<vec4<u32>, 4096>;
-#else
-@group(0) @binding(2) var<uniform> w: array<vec4<f32>, 4096>;
-#endif
-#endif
-@group(0) @binding(3) var<storage, read> bias: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> gamma: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> residual: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> y: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> x: array<Quad>;
+@group(0) @binding(2) var<uniform> w: array<Quad, 4096>;
+@group(0) @binding(3) var<storage, read> bias: array<Quad>;
+@group(0) @binding(4) var<storage, read> gamma: array<Quad>;
+@group(0) @binding(5) var<storage, read> residual: array<Quad>;
+@group(0) @binding(6) var<storage, read_write> y: array<Quad>;
 
 fn finish(sum: vec4<f32>, row: u32, n4: u32) {
     if (row >= p.m || n4 * 4u >= p.n) {
@@ -30,22 +23,22 @@ fn finish(sum: vec4<f32>, row: u32, n4: u32) {
     let at = row * (p.n / 4u) + n4;
     var v = sum;
     if ((p.flags & ACCUMULATE) != 0u) {
-        v += y[at];
+        v += lib_quad(y[at]);
     }
     if ((p.flags & LAST) != 0u) {
         v = lib_scaled(v, n4 * 4u);
         if ((p.flags & HAS_BIAS) != 0u) {
-            v += bias[n4];
+            v += lib_quad(bias[n4]);
         }
         v = lib_activate(v, p.act);
         if ((p.flags & HAS_GAMMA) != 0u) {
-            v *= gamma[n4];
+            v *= lib_quad(gamma[n4]);
         }
         if ((p.flags & HAS_RESIDUAL) != 0u) {
-            v += residual[at];
+            v += lib_quad(residual[at]);
         }
     }
-    y[at] = v;
+    y[at] = lib_to_quad(v);
 }
 
 @compute @workgroup_size(8)
@@ -82,7 +75,7 @@ fn main(
 #endif
     for (var k = 0u; k < k_end; k++) {
 #for r in 0..$R
-        let a$r = x[x$r];
+        let a$r = lib_quad(x[x$r]);
         x$r += 1u;
 #end
 #import product_step

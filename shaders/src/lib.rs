@@ -44,7 +44,7 @@ pub struct Shader {
     pub params: &'static [(&'static str, u32)],
     /// Size of `Params` in bytes, padding included.
     pub params_size: u32,
-    /// Device features the variant needs beyond WebGPU's baseline: "subgroup", "f16", "cooperative-matrix".
+    /// Device features the variant needs beyond WebGPU's baseline: "subgroup", "f16", "int64", "cooperative-matrix".
     pub requires: &'static [&'static str],
 }
 

@@ -155,7 +155,7 @@ fn largest(weights: &Weights, request: &Request, caps: &Caps) -> Option<usize> {
 /// Seconds of work at a rough guess of speed: it only has to tell minutes from hours.
 pub(crate) fn seconds(flops: u64, tier: Tier) -> f64 {
     let a_second = match tier {
-        Tier::Software => 5e10,
+        Tier::Software => 7e10,
         Tier::Baseline => 1e10,
         Tier::Gpu => 2e12,
     };

@@ -9,7 +9,10 @@ use crate::caps::Cooperative;
 /// Features the kernels use where an adapter has them; none is required.
 #[must_use]
 pub fn wanted_features() -> wgpu::Features {
-    wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SHADER_F16
+    wgpu::Features::SUBGROUP
+        | wgpu::Features::TIMESTAMP_QUERY
+        | wgpu::Features::SHADER_F16
+        | wgpu::Features::SHADER_INT64
 }
 
 /// The backends this build has that can compute.

@@ -86,7 +86,7 @@ const LAST: u32 = 2;
 /// Queries and keys are padded to a multiple of this.
 const BLOCK: u64 = 32;
 /// Queries a subgroup of the software variants owns (`TM` in the sidecar file).
-const SOFTWARE_QUERIES: u64 = 8;
+const SOFTWARE_QUERIES: u64 = 16;
 /// Queries a workgroup of the other variants owns.
 const GROUP_QUERIES: u64 = 64;
 /// Drivers take a device for hung after some seconds in one dispatch: no dispatch has more operations than this.

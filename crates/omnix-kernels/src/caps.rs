@@ -6,8 +6,8 @@ use std::fmt;
 /// baseline one, which runs everywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Tier {
-    /// A software rasteriser with subgroups of exactly 8 lanes (lavapipe): register tiles, constant
-    /// shuffles, weights through uniform windows, no barriers.
+    /// A software rasteriser with subgroups of exactly 8 lanes and 64-bit integers (lavapipe): register tiles, constant
+    /// shuffles, weights through uniform windows, four floats as two words, no barriers.
     Software,
     /// Any WebGPU device; also SwiftShader and WARP.
     Baseline,
@@ -113,8 +113,9 @@ impl Caps {
         let cpu = info.device_type == wgpu::DeviceType::Cpu;
         let subgroup =
             features.contains(wgpu::Features::SUBGROUP).then_some([info.subgroup_min_size, info.subgroup_max_size]);
+        let wide = features.contains(wgpu::Features::SHADER_INT64);
         let tier = match (cpu, subgroup == Some([8, 8])) {
-            (true, true) if limits.max_uniform_buffer_binding_size >= UNIFORM_WINDOW => Tier::Software,
+            (true, true) if wide && limits.max_uniform_buffer_binding_size >= UNIFORM_WINDOW => Tier::Software,
             (true, _) => Tier::Baseline,
             (false, _) => Tier::Gpu,
         };

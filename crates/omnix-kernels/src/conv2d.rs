@@ -131,7 +131,7 @@ const ACCUMULATE: u32 = 8;
 const LAST: u32 = 16;
 
 /// Output pixels a workgroup of the software variant owns (`TM` in the sidecar file).
-const SOFTWARE_PIXELS: u64 = 16;
+const SOFTWARE_PIXELS: u64 = 32;
 
 /// Whole frames, or a band of output rows of one.
 struct Piece {

@@ -133,6 +133,7 @@ impl Gpu {
             let needed = match *feature {
                 "subgroup" => wgpu::Features::SUBGROUP,
                 "f16" => wgpu::Features::SHADER_F16,
+                "int64" => wgpu::Features::SHADER_INT64,
                 _ => wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX,
             };
             if !features.contains(needed) {

@@ -62,6 +62,8 @@ pub struct LinearParams {
 
 crate::layout::layout!(LinearParams { m, n, k, n0, k0, k_len, blocks, act, flags, k_packed, pad0, pad1 });
 
+/// Rows of the software tile: TM of linear.toml.
+const SOFTWARE_ROWS: u64 = 32;
 const HAS_BIAS: u32 = 1;
 const HAS_GAMMA: u32 = 2;
 const HAS_RESIDUAL: u32 = 4;
@@ -124,7 +126,7 @@ impl Linear {
                 let offset =
                     u64::from(block) * w.block_bytes() + u64::from(k0) / w.storage.k_per_row() * WeightType::ROW_BYTES;
                 let window = W.window(offset, UNIFORM_WINDOW);
-                let groups = m.div_ceil(16) * u64::from(blocks);
+                let groups = m.div_ceil(SOFTWARE_ROWS) * u64::from(blocks);
                 out.push(self.dispatch(shader, row0, m, window, (block, blocks), (k0, k_len), flags, groups));
                 k0 += k_len;
             }

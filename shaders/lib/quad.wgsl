@@ -1,0 +1,19 @@
+// Four floats in a buffer as two 64-bit words: a software rasteriser loads and stores every component of every
+// lane by itself, so half as many components are half the work. It pays for what lies in the caches, the operands of
+// products; norms and pointwise kernels over large tensors became slower (BENCHMARKS.md).
+alias Quad = vec2<u64>;
+
+fn lib_quad_bits(q: Quad) -> vec4<u32> {
+    let low = vec2<u32>(q);
+    let high = vec2<u32>(q >> vec2<u32>(32u));
+    return vec4<u32>(low.x, high.x, low.y, high.y);
+}
+
+fn lib_quad(q: Quad) -> vec4<f32> {
+    return bitcast<vec4<f32>>(lib_quad_bits(q));
+}
+
+fn lib_to_quad(v: vec4<f32>) -> Quad {
+    let bits = bitcast<vec4<u32>>(v);
+    return vec2<u64>(bits.xz) | (vec2<u64>(bits.yw) << vec2<u32>(32u));
+}
