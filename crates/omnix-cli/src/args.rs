@@ -55,8 +55,8 @@ pub(crate) struct DeviceArgs {
     /// Device by index or part of its name, as `omnix devices` lists them. [default: the first that will do]
     #[arg(long, value_name = "NAME|INDEX", help_heading = "Device")]
     pub(crate) device: Option<String>,
-    /// Use features of the device that wgpu calls experimental: cooperative matrices (tensor cores), beside f16 and i8
-    /// weights several times faster where there are any.
+    /// Use features of the device that wgpu calls experimental: cooperative matrices (tensor cores), which about double the
+    /// speed of products beside f16 and i8 weights.
     #[arg(long, help_heading = "Device")]
     pub(crate) experimental: bool,
 }

@@ -49,6 +49,8 @@ fn purpose(feature: Features) -> &'static str {
         "times of single kernels in bench --trace"
     } else if feature == Features::SHADER_F16 {
         "GPU kernels that compute with f16 beside f16 and int8 weights"
+    } else if feature == Features::SHADER_INT64 {
+        "the software device's fast kernels, which read 64 bits at a time"
     } else {
         "speed"
     }
