@@ -133,6 +133,7 @@ fn manifest_states_everything() {
         device: json!({ "name": "test" }),
         unit: "network scale (not metric)".into(),
         settings: json!({}),
+        memory: json!({}),
         timings_s: json!({}),
         versions: Map::from_iter([("wgpu".to_owned(), Value::from("30"))]),
         frames: ManifestFrame::of_plan(&plan, (504, 378), 1),

@@ -135,7 +135,7 @@ pub(crate) struct RunArgs {
 
     /// One JSON object a line on standard output, nothing for people.
     ///
-    /// Its `event` is one of: note {message}; plan {images, image_size, peak_bytes, weight_bytes, flops, stages,
+    /// Its `event` is one of: note {message}; plan {images, image_size, peak_bytes, process_bytes, weight_bytes, flops, stages,
     /// field, outputs, ...}; device {name, backend, driver, kind, tier}; progress {phase:
     /// read|weights|backbone|head|motion|sampling|exports, done, total, seconds}; frame {index, video, frame, time_s,
     /// depth_min, depth_max, seconds}; motion {index, moving, pixels}; done {dir, files, manifest,

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use crate::args::{Cameras, RunArgs, WeightsType};
 use crate::bytes;
 use crate::error::CliError;
+use crate::memory;
 use crate::prepare::Preparation;
 use crate::ui::Ui;
 
@@ -194,9 +195,16 @@ pub(crate) fn describe(plan: &RunPlan) -> String {
 }
 
 /// The same for machines, with names of the outputs.
-pub(crate) fn plan_event(plan: &RunPlan, weights: &Weights, exports: &[Export], budget: Option<u64>) -> Value {
+pub(crate) fn plan_event(
+    plan: &RunPlan,
+    weights: &Weights,
+    exports: &[Export],
+    args: &RunArgs,
+    budget: Option<u64>,
+) -> Value {
     let mut event = serde_json::to_value(plan.summary()).unwrap_or_default();
     if let Value::Object(fields) = &mut event {
+        fields.insert("process_bytes".to_owned(), json!(memory::process(plan, exports, args)));
         fields.insert("budget_bytes".to_owned(), json!(budget));
         fields.insert("network".to_owned(), json!(weights.network().config().name));
         fields.insert("weights".to_owned(), json!(weights.checkpoint().name()));

@@ -6,6 +6,7 @@ mod cmd;
 mod disk;
 mod error;
 mod job;
+mod memory;
 mod prepare;
 mod stop;
 mod ui;

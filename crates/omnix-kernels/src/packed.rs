@@ -5,6 +5,7 @@
 //! blocks; products are summed over q and scaled once at the end. Only `linear` reads it.
 
 use half::f16;
+use rayon::prelude::*;
 
 use crate::caps::UNIFORM_WINDOW;
 use crate::dispatch::round_up;
@@ -85,46 +86,40 @@ impl PackedWeights {
         round_up(start + scales, 256) + UNIFORM_WINDOW
     }
 
-    /// Packs a matrix given by `weight(k, n)`; the result has [`PackedWeights::bytes`] bytes.
+    /// Packs a matrix given by `weight(k, n)`, blocks side by side on all processors; the result has [`PackedWeights::bytes`]
+    /// bytes.
     #[must_use]
-    pub fn pack(&self, weight: impl Fn(usize, usize) -> f32) -> Vec<u8> {
-        let (k_packed, k, n) = (self.k_packed() as usize, self.k as usize, self.n as usize);
+    pub fn pack(&self, weight: impl Fn(usize, usize) -> f32 + Sync) -> Vec<u8> {
+        let (k, n) = (self.k as usize, self.n as usize);
         let mut out = vec![0u8; self.bytes() as usize];
         let at = |row: usize, column: usize| if row < k && column < n { weight(row, column) } else { 0.0 };
-        for block in 0..self.blocks() as usize {
-            let base = block * self.block_bytes() as usize;
-            match self.storage {
-                WeightType::F32 => {
-                    for row in 0..k_packed {
-                        for column in 0..32 {
-                            let to = base + (row * 32 + column) * 4;
-                            out[to..to + 4].copy_from_slice(&at(row, block * 32 + column).to_le_bytes());
-                        }
-                    }
+        let (blocks, tail) = out.split_at_mut(self.scales().0 as usize);
+        let blocks = blocks.par_chunks_mut(self.block_bytes() as usize).take(self.blocks() as usize).enumerate();
+        match self.storage {
+            WeightType::F32 => blocks.for_each(|(block, out)| {
+                for (i, to) in out.as_chunks_mut().0.iter_mut().enumerate() {
+                    *to = at(i / 32, block * 32 + i % 32).to_le_bytes();
                 }
-                WeightType::F16 => {
-                    for row in 0..k_packed {
-                        for column in 0..32 {
-                            let to = base + (row / 2 * 32 + column) * 4 + row % 2 * 2;
-                            let value = f16::from_f32(at(row, block * 32 + column));
-                            out[to..to + 2].copy_from_slice(&value.to_le_bytes());
-                        }
-                    }
+            }),
+            WeightType::F16 => blocks.for_each(|(block, out)| {
+                // Two k side by side: pair i holds k = 2 (i / 32), 2 (i / 32) + 1 of column i % 32.
+                for (i, to) in out.as_chunks_mut().0.iter_mut().enumerate() {
+                    let (row, column) = (i / 64 * 2 + i % 2, block * 32 + i / 2 % 32);
+                    *to = f16::from_f32(at(row, column)).to_le_bytes();
                 }
-                WeightType::I8 => {
-                    for column in 0..32 {
-                        let largest = (0..k).fold(0.0f32, |most, row| most.max(at(row, block * 32 + column).abs()));
-                        let scale = largest / 127.0;
-                        for row in 0..k {
-                            // A column of zeros has scale 0, and 0 / 0 becomes 0 as an integer.
-                            let q = (at(row, block * 32 + column) / scale).round() as i8;
-                            out[base + (row / 4 * 32 + column) * 4 + row % 4] = q.to_le_bytes()[0];
-                        }
-                        let to = self.scales().0 as usize + (block * 32 + column) * 4;
-                        out[to..to + 4].copy_from_slice(&scale.to_le_bytes());
+            }),
+            WeightType::I8 => blocks.zip(tail.par_chunks_mut(32 * 4)).for_each(|((block, out), scales)| {
+                for (column, to) in scales.as_chunks_mut().0.iter_mut().enumerate() {
+                    let largest = (0..k).fold(0.0f32, |most, row| most.max(at(row, block * 32 + column).abs()));
+                    let scale = largest / 127.0;
+                    for row in 0..k {
+                        // A column of zeros has scale 0, and 0 / 0 becomes 0 as an integer.
+                        let q = (at(row, block * 32 + column) / scale).round() as i8;
+                        out[(row / 4 * 32 + column) * 4 + row % 4] = q.to_le_bytes()[0];
                     }
+                    *to = scale.to_le_bytes();
                 }
-            }
+            }),
         }
         out
     }

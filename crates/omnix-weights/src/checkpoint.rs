@@ -116,13 +116,13 @@ impl Checkpoint {
 
     /// BLAKE3 of the weight files' bytes, one after the other in the order of their names, as lower-case hexadecimal.
     ///
-    /// Reads everything once (about a second a gigabyte), then remembers.
+    /// Reads everything once (on all processors), then remembers.
     pub fn digest(&self) -> &str {
         self.digest.get_or_init(|| {
             let mut hasher = blake3::Hasher::new();
             for file in &self.files {
                 file.in_pieces(&mut |piece| {
-                    hasher.update(piece);
+                    hasher.update_rayon(piece);
                 });
             }
             hasher.finalize().to_hex().to_string()

@@ -7,9 +7,13 @@ use std::fmt;
 use std::ops::Range;
 
 use half::f16;
+use rayon::prelude::*;
 
 use crate::WeightsError;
 use crate::convert;
+
+/// Elements that one processor converts at a time.
+const PIECE: usize = 1 << 16;
 
 /// Element types that can be converted to f32.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -79,7 +83,8 @@ impl<'a> TensorView<'a> {
     #[must_use]
     pub fn to_f32(&self) -> Vec<f32> {
         let mut out = vec![0.0; self.elements()];
-        convert::to_f32(self.dtype, self.bytes, &mut out);
+        let pieces = self.bytes.par_chunks(PIECE * self.dtype.size());
+        out.par_chunks_mut(PIECE).zip(pieces).for_each(|(out, bytes)| convert::to_f32(self.dtype, bytes, out));
         out
     }
 

@@ -8,6 +8,7 @@ use omnix_graph::ParameterSource;
 use omnix_model::config::NetworkConfig;
 use omnix_model::{Network, Parts};
 use omnix_weights::{CheckReport, Checkpoint};
+use rayon::prelude::*;
 
 use crate::error::OmnixError;
 
@@ -124,7 +125,7 @@ impl ParameterSource for Weights {
         let view = self.checkpoint.tensor(name).map_err(OmnixError::from)?;
         let numbers = view.to_f32();
         self.checkpoint.release(name);
-        let bad = numbers.iter().position(|v| !v.is_finite()).map(|i| (i, numbers[i]));
+        let bad = numbers.par_iter().position_first(|v| !v.is_finite()).map(|i| (i, numbers[i]));
         finite(name, bad)?;
         Ok(numbers)
     }

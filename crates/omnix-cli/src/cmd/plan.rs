@@ -5,8 +5,10 @@ use omnix::{Caps, RunPlan, Tier, Weights};
 use serde_json::json;
 
 use crate::args::RunArgs;
+use crate::bytes;
 use crate::error::CliError;
 use crate::job::{self, Job};
+use crate::memory;
 use crate::ui::{self, Ui};
 
 /// Arguments of `omnix plan`.
@@ -64,7 +66,7 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
         (job.plan(&args.run, &caps, false)?, job.weights, job.exports)
     };
     if ui.json() {
-        ui.event("plan", job::plan_event(&plan, &weights, &exports, args.run.memory_budget));
+        ui.event("plan", job::plan_event(&plan, &weights, &exports, &args.run, args.run.memory_budget));
         ui.event("done", json!({}));
         return Ok(());
     }
@@ -76,8 +78,16 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
         s if s < 7200.0 => format!("{:.0} min", s / 60.0),
         s => format!("{:.0} h", s / 3600.0),
     };
+    let process = match caps.tier {
+        // Its memory is the device's own.
+        Tier::Gpu => String::new(),
+        _ => format!(
+            "process about {} on a software device: that memory, the program, the driver and the files\n",
+            bytes::show(memory::process(&plan, &exports, &args.run))
+        ),
+    };
     ui::print(&format!(
-        "network {network}, {} weights, for a {} device\n{}\ntime    about {guess}, a rough guess\nfiles   {files}",
+        "network {network}, {} weights, for a {} device\n{}\n{process}time    about {guess}, a rough guess\nfiles   {files}",
         job::storage_name(&args.run),
         caps.tier,
         job::describe(&plan),

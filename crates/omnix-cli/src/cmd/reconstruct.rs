@@ -45,6 +45,8 @@ struct Run<'a> {
     job: &'a Job,
     args: &'a ReconstructArgs,
     info: DeviceInfo,
+    /// Bytes on the device at most, as planned.
+    planned: u64,
     sinks: Vec<Box<dyn Sink>>,
     finished: usize,
     /// What the exports show, where it is not the camera decoder's.
@@ -76,6 +78,7 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
         job: &job,
         args,
         info,
+        planned: plan.peak_bytes(),
         sinks,
         finished: 0,
         cameras: Vec::new(),
@@ -107,7 +110,7 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
 
 /// Tells what is about to happen.
 fn announce(job: &Job, plan: &RunPlan, args: &ReconstructArgs, info: &DeviceInfo, ui: &mut Ui) {
-    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, job.request.budget));
+    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, &args.run, job.request.budget));
     ui.event("device", serde_json::to_value(info).unwrap_or_default());
     let network = &job.weights.network().config().name;
     ui.say(&format!(

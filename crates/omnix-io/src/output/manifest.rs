@@ -80,6 +80,8 @@ pub struct Manifest {
     pub unit: String,
     /// Settings of the run: preprocessing, frame choice, budget, exports.
     pub settings: Value,
+    /// What the run took: planned on the device, and the process at most where the system says.
+    pub memory: Value,
     /// Wall times in seconds by phase.
     pub timings_s: Value,
     /// Further versions (engine, wgpu, driver); the program's own is added.
@@ -129,6 +131,7 @@ pub fn write_manifest(dir: &Path, manifest: &Manifest) -> Result<PathBuf, IoErro
         },
         "unit_of_length": manifest.unit,
         "settings": manifest.settings,
+        "memory": manifest.memory,
         "timings_s": manifest.timings_s,
         "notes": manifest.notes,
         "files": files,

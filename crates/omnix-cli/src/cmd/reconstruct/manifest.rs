@@ -6,7 +6,7 @@ use omnix::io::output::manifest::{Manifest, ManifestFrame, Weights as ManifestWe
 use serde_json::{Map, Value, json};
 
 use super::Run;
-use crate::job;
+use crate::{job, memory};
 
 impl Run<'_> {
     /// What the run was.
@@ -40,6 +40,10 @@ impl Run<'_> {
                 "points": args.points,
                 "conf_percentile": args.conf_percentile,
                 "motion": self.motion,
+            }),
+            memory: json!({
+                "device_planned_bytes": self.planned,
+                "process_peak_bytes": memory::peak(),
             }),
             timings_s: Value::Object(self.timings.clone()),
             versions,
