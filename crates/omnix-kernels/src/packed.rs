@@ -90,23 +90,22 @@ impl PackedWeights {
     /// bytes.
     #[must_use]
     pub fn pack(&self, weight: impl Fn(usize, usize) -> f32 + Sync) -> Vec<u8> {
-        let (k, n) = (self.k as usize, self.n as usize);
+        let (k_packed, k, n) = (self.k_packed() as usize, self.k as usize, self.n as usize);
         let mut out = vec![0u8; self.bytes() as usize];
         let at = |row: usize, column: usize| if row < k && column < n { weight(row, column) } else { 0.0 };
         let (blocks, tail) = out.split_at_mut(self.scales().0 as usize);
         let blocks = blocks.par_chunks_mut(self.block_bytes() as usize).take(self.blocks() as usize).enumerate();
         match self.storage {
             WeightType::F32 => blocks.for_each(|(block, out)| {
-                for (i, to) in out.as_chunks_mut().0.iter_mut().enumerate() {
-                    *to = at(i / 32, block * 32 + i % 32).to_le_bytes();
-                }
+                let out = out.as_chunks_mut().0;
+                tiled(k_packed, |row, column| out[row * 32 + column] = at(row, block * 32 + column).to_le_bytes());
             }),
             WeightType::F16 => blocks.for_each(|(block, out)| {
-                // Two k side by side: pair i holds k = 2 (i / 32), 2 (i / 32) + 1 of column i % 32.
-                for (i, to) in out.as_chunks_mut().0.iter_mut().enumerate() {
-                    let (row, column) = (i / 64 * 2 + i % 2, block * 32 + i / 2 % 32);
-                    *to = f16::from_f32(at(row, column)).to_le_bytes();
-                }
+                let out = out.as_chunks_mut().0;
+                tiled(k_packed, |row, column| {
+                    let value = f16::from_f32(at(row, block * 32 + column));
+                    out[(row / 2 * 32 + column) * 2 + row % 2] = value.to_le_bytes();
+                });
             }),
             WeightType::I8 => blocks.zip(tail.par_chunks_mut(32 * 4)).for_each(|((block, out), scales)| {
                 for (column, to) in scales.as_chunks_mut().0.iter_mut().enumerate() {
@@ -122,6 +121,18 @@ impl PackedWeights {
             }),
         }
         out
+    }
+}
+
+/// Every row and the 32 columns of a block, 16 rows of a column at a time: checkpoints have a column's k side by side, and what
+/// one line of the cache holds of it is used while it is there.
+fn tiled(rows: usize, mut each: impl FnMut(usize, usize)) {
+    for first in (0..rows).step_by(16) {
+        for column in 0..32 {
+            for row in first..rows.min(first + 16) {
+                each(row, column);
+            }
+        }
     }
 }
 

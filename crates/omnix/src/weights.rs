@@ -116,6 +116,13 @@ impl Weights {
     }
 }
 
+/// Where the first number is that is none. Pieces are looked through without a branch, so that it is done many at a time.
+fn first_bad(numbers: &[f32]) -> Option<usize> {
+    const PIECE: usize = 1 << 16;
+    let piece = numbers.par_chunks(PIECE).position_first(|p| !p.iter().fold(true, |good, v| good & v.is_finite()))?;
+    numbers[piece * PIECE..].iter().position(|v| !v.is_finite()).map(|i| piece * PIECE + i)
+}
+
 fn finite(name: &str, found: Option<(usize, f32)>) -> Result<(), OmnixError> {
     found.map_or(Ok(()), |(index, value)| Err(OmnixError::NonFinite { name: name.to_owned(), index, value }))
 }
@@ -125,7 +132,7 @@ impl ParameterSource for Weights {
         let view = self.checkpoint.tensor(name).map_err(OmnixError::from)?;
         let numbers = view.to_f32();
         self.checkpoint.release(name);
-        let bad = numbers.par_iter().position_first(|v| !v.is_finite()).map(|i| (i, numbers[i]));
+        let bad = first_bad(&numbers).map(|i| (i, numbers[i]));
         finite(name, bad)?;
         Ok(numbers)
     }
