@@ -1,7 +1,8 @@
 //! Shared bench harness: the device, the command line, and a Markdown table of cases against the machine's ceilings.
 //!
 //! `cargo bench -p omnix-benches --bench kernels [-- [--test] [--tier software|baseline|gpu] [--experimental] [FILTER]]`;
-//! `--test` runs each case once, `--experimental` uses cooperative matrices where the device has them, a filter keeps the cases whose "kernel case" contains it. `OMNIX_DEVICE` picks the device.
+//! `--test` runs each case once, `--experimental` uses cooperative matrices where the device has them, a filter keeps the
+//! cases whose "kernel case" contains it. `OMNIX_DEVICE` picks the device.
 //!
 //! `--serve` is for tools/compare, which measures several programs in turn: every line of standard input is a filter, and
 //! its cases are measured once (one run of a tenth of a second) and answered by a JSON object a case and an empty line.

@@ -52,7 +52,7 @@ pub fn families() -> Vec<Gpu> {
     if caps.f16 {
         families.push(gpu().with_caps(caps.clone().with_cooperative(Cooperative::default())));
     }
-    if caps.cooperative != Cooperative::default() {
+    if caps.cooperative.any() {
         families.push(gpu().with_caps(caps));
     }
     families
@@ -62,13 +62,12 @@ pub fn families() -> Vec<Gpu> {
 #[must_use]
 pub fn family(gpu: &Gpu) -> String {
     let with = |on: bool, what: &str| if on && gpu.caps.tier == Tier::Gpu { format!(" {what}") } else { String::new() };
-    let cooperative = gpu.caps.cooperative != Cooperative::default();
     format!(
         "{}{}{}{}",
         gpu.caps.tier,
         with(gpu.caps.subgroup.is_some(), "subgroup"),
         with(gpu.caps.f16, "f16"),
-        with(cooperative, "cooperative")
+        with(gpu.caps.cooperative.any(), "cooperative")
     )
 }
 

@@ -144,7 +144,15 @@ pub(crate) struct RunArgs {
     pub(crate) json: bool,
 }
 
+/// Points that exports of motion follow, if --points does not say.
+const FOLLOWED: u64 = 100_000;
+
 impl RunArgs {
+    /// Points that exports of motion follow at most.
+    pub(crate) fn followed(&self) -> u64 {
+        self.points.unwrap_or(FOLLOWED)
+    }
+
     /// What to write, of a network that has trajectories or not.
     pub(crate) fn exports(&self, trajectories: bool) -> Vec<Export> {
         match &self.export {

@@ -1,4 +1,4 @@
-//! Sizes on the command line: `4GiB`, `512MiB`, `1.5GB`, `65536`; and the memory that a run may take by default.
+//! Sizes on the command line: `4GiB`, `512MiB`, `1.5GB`, `65536`.
 
 /// Bytes of a size with a unit. `K`, `M`, `G` and `T` alone are binary, as are `KiB` and so on; `KB` and so on are decimal.
 pub(crate) fn parse(text: &str) -> Result<u64, String> {
@@ -32,14 +32,6 @@ pub(crate) fn show(bytes: u64) -> String {
         m if m >= 1.0 => format!("{:.0} MiB", m.ceil()),
         _ => format!("{} KiB", bytes.div_ceil(1024)),
     }
-}
-
-/// Memory that the system could give now; none where it does not say (other systems than Linux).
-pub(crate) fn available_memory() -> Option<u64> {
-    let info = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = info.lines().find(|l| l.starts_with("MemAvailable:"))?;
-    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib << 10)
 }
 
 #[cfg(test)]

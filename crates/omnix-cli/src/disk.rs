@@ -6,7 +6,6 @@ use omnix::io::Export;
 use omnix::{FieldPrecision, RunPlan};
 
 use crate::args::RunArgs;
-use crate::cmd::reconstruct::FOLLOWED;
 use crate::error::CliError;
 use crate::job::Job;
 
@@ -15,7 +14,7 @@ pub(crate) fn wanted(job: &Job, args: &RunArgs, plan: &RunPlan) -> u64 {
     let request = &job.request;
     let (images, pixels) = (request.images as u64, (request.height * request.width) as u64);
     let all = images * pixels;
-    let followed = args.points.unwrap_or(FOLLOWED as u64).min(all);
+    let followed = args.followed().min(all);
     let mut bytes = 0;
     for export in &job.exports {
         bytes += match export {

@@ -126,7 +126,7 @@ fn choice(args: &RunArgs) -> FrameChoice {
 fn budget(args: &RunArgs, cpu: bool, pictures: u64) -> Result<Option<u64>, CliError> {
     match (args.memory_budget, cpu) {
         (Some(bytes), _) => Ok(Some(bytes)),
-        (None, true) => Ok(bytes::available_memory().map(|free| (free / 5 * 4).saturating_sub(pictures))),
+        (None, true) => Ok(memory::available().map(|free| (free / 5 * 4).saturating_sub(pictures))),
         (None, false) => Ok(None),
     }
 }
@@ -200,11 +200,12 @@ pub(crate) fn plan_event(
     weights: &Weights,
     exports: &[Export],
     args: &RunArgs,
+    tier: Tier,
     budget: Option<u64>,
 ) -> Value {
     let mut event = serde_json::to_value(plan.summary()).unwrap_or_default();
     if let Value::Object(fields) = &mut event {
-        fields.insert("process_bytes".to_owned(), json!(memory::process(plan, exports, args)));
+        fields.insert("process_bytes".to_owned(), json!(memory::process(plan, exports, args, tier)));
         fields.insert("budget_bytes".to_owned(), json!(budget));
         fields.insert("network".to_owned(), json!(weights.network().config().name));
         fields.insert("weights".to_owned(), json!(weights.checkpoint().name()));

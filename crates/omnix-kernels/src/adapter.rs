@@ -126,7 +126,7 @@ pub fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), Kern
 pub fn open_experimental(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue, Cooperative), KernelError> {
     let products = Cooperative::of(&adapter.cooperative_matrix_properties());
     let feature = wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX;
-    if products == Cooperative::default() || !adapter.features().contains(feature) {
+    if !products.any() || !adapter.features().contains(feature) {
         let (device, queue) = open(adapter)?;
         return Ok((device, queue, Cooperative::default()));
     }

@@ -69,6 +69,12 @@ impl Cooperative {
         };
         Self { f16_16: has(16, F16), f32_8: has(8, F32) }
     }
+
+    /// Whether there is any product that kernels can use.
+    #[must_use]
+    pub fn any(self) -> bool {
+        self != Self::default()
+    }
 }
 
 /// Bytes of a uniform window: WebGPU's `maxUniformBufferBindingSize`.

@@ -70,7 +70,7 @@ fn describe(index: usize, adapter: &Adapter) -> Value {
         .iter_names()
         .map(|(name, f)| json!({ "name": name, "present": features.contains(f), "for": purpose(f) }))
         .collect();
-    let cooperative = Cooperative::of(&adapter.cooperative_matrix_properties()) != Cooperative::default();
+    let cooperative = Cooperative::of(&adapter.cooperative_matrix_properties()).any();
     json!({
         "index": index,
         "name": info.name,

@@ -21,7 +21,7 @@ pub(crate) struct PlanArgs {
     #[arg(long, value_name = "N", requires = "size", conflicts_with = "inputs")]
     images: Option<usize>,
     /// Plan for this kind of device; with --device for that very device.
-    #[arg(long, value_name = "CLASS", default_value = "lavapipe", conflicts_with = "device", help_heading = "Device")]
+    #[arg(long, value_name = "CLASS", default_value = "lavapipe", conflicts_with_all = ["device", "experimental"], help_heading = "Device")]
     device_class: DeviceClass,
     #[command(flatten)]
     pub(crate) run: RunArgs,
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
         (job.plan(&args.run, &caps, false)?, job.weights, job.exports)
     };
     if ui.json() {
-        ui.event("plan", job::plan_event(&plan, &weights, &exports, &args.run, args.run.memory_budget));
+        ui.event("plan", job::plan_event(&plan, &weights, &exports, &args.run, caps.tier, args.run.memory_budget));
         ui.event("done", json!({}));
         return Ok(());
     }
@@ -78,14 +78,10 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
         s if s < 7200.0 => format!("{:.0} min", s / 60.0),
         s => format!("{:.0} h", s / 3600.0),
     };
-    let process = match caps.tier {
-        // Its memory is the device's own.
-        Tier::Gpu => String::new(),
-        _ => format!(
-            "process about {} on a software device: that memory, the program, the driver and the files\n",
-            bytes::show(memory::process(&plan, &exports, &args.run))
-        ),
-    };
+    let process = memory::process(&plan, &exports, &args.run, caps.tier).map_or_else(String::new, |bytes| {
+        let bytes = bytes::show(bytes);
+        format!("process about {bytes} on a software device: that memory, the program, the driver and the files\n")
+    });
     ui::print(&format!(
         "network {network}, {} weights, for a {} device\n{}\n{process}time    about {guess}, a rough guess\nfiles   {files}",
         job::storage_name(&args.run),

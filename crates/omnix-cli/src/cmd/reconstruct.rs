@@ -15,7 +15,7 @@ use clap::Args;
 use omnix::geometry::{RayMaps, cameras_from_rays, sample_table};
 use omnix::io::preprocess::{exported_picture, normalise};
 use omnix::io::{FrameLoader, FrameResult, Picture, RunSummary, Sink, SinkOptions, open_sinks, write_manifest};
-use omnix::{Camera, DeviceInfo, Engine, Field, FieldPlace, FrameGeometry, OmnixError, Phase, RunPlan, Session};
+use omnix::{Camera, DeviceInfo, Engine, Field, FieldPlace, FrameGeometry, OmnixError, Phase, RunPlan, Session, Tier};
 use serde_json::{Map, Value, json};
 
 use crate::args::{OutArgs, RunArgs};
@@ -23,8 +23,6 @@ use crate::error::CliError;
 use crate::job::{self, Job};
 use crate::ui::Ui;
 use crate::{bytes, disk, stop};
-
-pub(crate) use motion::FOLLOWED;
 
 /// Arguments of `omnix reconstruct`.
 #[derive(Debug, Args)]
@@ -70,7 +68,7 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     job.request.field = FieldPlace::AutoIn(args.out.out.clone());
     let plan = job.plan(&args.run, engine.caps(), cpu)?;
     job.check_work(&plan, &args.run, engine.caps().tier)?;
-    announce(&job, &plan, args, &info, ui);
+    announce(&job, &plan, args, &info, engine.caps().tier, ui);
     let options = sink_options(&args.run);
     let sinks = open_sinks(&job.exports, &args.out.out, &options)?;
     disk::check(&args.out.out, disk::wanted(&job, &args.run, &plan))?;
@@ -109,8 +107,8 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
 }
 
 /// Tells what is about to happen.
-fn announce(job: &Job, plan: &RunPlan, args: &ReconstructArgs, info: &DeviceInfo, ui: &mut Ui) {
-    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, &args.run, job.request.budget));
+fn announce(job: &Job, plan: &RunPlan, args: &ReconstructArgs, info: &DeviceInfo, tier: Tier, ui: &mut Ui) {
+    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, &args.run, tier, job.request.budget));
     ui.event("device", serde_json::to_value(info).unwrap_or_default());
     let network = &job.weights.network().config().name;
     ui.say(&format!(

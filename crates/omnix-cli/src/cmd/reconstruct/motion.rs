@@ -12,8 +12,6 @@ use crate::error::CliError;
 use crate::stop;
 use crate::ui::Ui;
 
-/// Points that are followed where `--points` does not say.
-pub(crate) const FOLLOWED: usize = 100_000;
 /// Seed of every choice.
 const SEED: u64 = 42;
 /// Images a second in files that play, where the input does not say.
@@ -58,7 +56,7 @@ impl Run<'_> {
         }
         self.files.extend(stream.finish());
         if !by_point.is_empty() {
-            let budget = self.args.run.points.map_or(FOLLOWED, |n| n as usize);
+            let budget = self.args.run.followed() as usize;
             let points = field.choose(budget, SEED, &mut |_| step(ui))?;
             for export in by_point {
                 if stop::asked() {
@@ -99,7 +97,7 @@ impl Run<'_> {
         MotionOptions {
             fps: rate(self.job),
             glb: GlbMotionOptions {
-                max_points: self.args.run.points.map_or(FOLLOWED, |n| n as usize),
+                max_points: self.args.run.followed() as usize,
                 unit: unit.to_owned(),
                 ..GlbMotionOptions::default()
             },
