@@ -2,16 +2,15 @@
 //
 // Implicit matrix product: a workgroup is one subgroup of 8 lanes and owns $TM pixels x 32 channels of y;
 // a lane owns 4 channels (one vec4). For 4 input channels at a time, lane j loads x of pixel j as one
-// vec4 and the values reach the other lanes by constant shuffles; w comes from a uniform window, the only
-// gather a software rasteriser does without branches. A window holds whole taps, or a part of one. No
-// workgroup memory, no barrier. Needs ci and co to be multiples of 4.
-// Sums run over k in order within a window, and windows depend on the weights' shape alone.
+// vec4 and the values reach the other lanes by constant shuffles. No workgroup memory, no barrier. Needs ci
+// and co to be multiples of 4. Sums run over k in order.
 #import conv2d_params
 #import grid
+#import tile_walk
 #import quad
 
 @group(0) @binding(1) var<storage, read> x: array<Quad>;
-@group(0) @binding(2) var<uniform> w: array<Quad, 4096>;
+@group(0) @binding(2) var<storage, read> w: array<Quad>;
 @group(0) @binding(3) var<storage, read> bias: array<Quad>;
 @group(0) @binding(4) var<storage, read> residual: array<Quad>;
 @group(0) @binding(5) var<storage, read> residual2: array<Quad>;
@@ -23,20 +22,15 @@ fn finish(sum: vec4<f32>, pixel: u32, n4: u32) {
     }
     let at = p.y_rest / 4u + pixel * (p.co / 4u) + n4;
     var v = sum;
-    if ((p.flags & ACCUMULATE) != 0u) {
-        v += lib_quad(y[at]);
+    if ((p.flags & HAS_BIAS) != 0u) {
+        v += lib_quad(bias[n4]);
     }
-    if ((p.flags & LAST) != 0u) {
-        if ((p.flags & HAS_BIAS) != 0u) {
-            v += lib_quad(bias[n4]);
-        }
-        v = lib_activate(v, p.act);
-        if ((p.flags & HAS_RESIDUAL) != 0u) {
-            v += lib_quad(residual[at]);
-        }
-        if ((p.flags & HAS_RESIDUAL2) != 0u) {
-            v += lib_quad(residual2[at]);
-        }
+    v = lib_activate(v, p.act);
+    if ((p.flags & HAS_RESIDUAL) != 0u) {
+        v += lib_quad(residual[at]);
+    }
+    if ((p.flags & HAS_RESIDUAL2) != 0u) {
+        v += lib_quad(residual2[at]);
     }
     y[at] = lib_to_quad(v);
 }
@@ -48,10 +42,10 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
     let lane = local.x;
-    let tile = lib_fold(group, groups);
-    let block = tile % p.blocks;
-    let pixel = tile / p.blocks * ${TM}u;
-    if (pixel >= p.pixels) {
+    let tile = lib_walk(lib_fold(group, groups), (p.pixels + ${TM-1}u) / ${TM}u, p.group, p.blocks);
+    let pixel = tile.x * ${TM}u;
+    let block = tile.y;
+    if (pixel >= p.pixels || block >= p.blocks) {
         return;
     }
     let low = vec4<f32>(p.low);
@@ -62,21 +56,15 @@ fn main(
 #for i in 0..$TM
     var c$i = vec4<f32>(0.0);
 #end
-    let steps = p.c_len / 4u;
-    // Several blocks share a window only where it holds all of k.
-#if W16
-    var wpos = block * p.k_packed * 4u + lane;
-#else
-    var wpos = block * p.k_packed * 8u + lane;
-#endif
-    for (var t = 0u; t < p.tap_len; t++) {
-        let tap = p.tap0 + t;
+    let steps = p.ci / 4u;
+#import packed_start
+    for (var tap = 0u; tap < p.taps; tap++) {
         let ky = tap / p.kw;
         let kx = tap - ky * p.kw;
 #for r in 0..$R
         let on$r = lib_on_map(at$r, ky, kx);
         // Taps outside read the window's start, and the value is replaced.
-        var x$r = select(p.x_rest, lib_tap(at$r, ky, kx) + p.c0, on$r) / 4u;
+        var x$r = select(p.x_rest, lib_tap(at$r, ky, kx), on$r) / 4u;
 #end
         for (var k = 0u; k < steps; k++) {
 #for r in 0..$R

@@ -13,10 +13,6 @@
 const HAS_BIAS: u32 = 1u;
 const HAS_RESIDUAL: u32 = 2u;
 const HAS_RESIDUAL2: u32 = 4u;
-// This dispatch adds to what an earlier window over k left in y.
-const ACCUMULATE: u32 = 8u;
-// This dispatch is the last window over k: the epilogue applies.
-const LAST: u32 = 16u;
 
 struct Params {
     pixels: u32,
@@ -41,18 +37,14 @@ struct Params {
     n0: u32,
     blocks: u32,
     k_packed: u32,
-    // Window over k (software variant): taps tap0.. and channels c0.. of each.
-    tap0: u32,
-    tap_len: u32,
-    c0: u32,
-    c_len: u32,
     act: u32,
     flags: u32,
     // Least value of pre(x): 0 for ReLU, else minus infinity.
     low: f32,
+    // Pixel tiles that go by a column block before the next one (software variant).
+    group: u32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 @group(0) @binding(0) var<uniform> p: Params;

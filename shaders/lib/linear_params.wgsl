@@ -10,10 +10,6 @@
 const HAS_BIAS: u32 = 1u;
 const HAS_GAMMA: u32 = 2u;
 const HAS_RESIDUAL: u32 = 4u;
-// This dispatch adds to what an earlier window over k left in y.
-const ACCUMULATE: u32 = 8u;
-// This dispatch is the last window over k: the epilogue applies.
-const LAST: u32 = 16u;
 
 struct Params {
     m: u32,
@@ -21,17 +17,17 @@ struct Params {
     k: u32,
     // First column of this dispatch; a multiple of 32.
     n0: u32,
-    // First k and number of k of this dispatch; multiples of 4.
-    k0: u32,
-    k_len: u32,
     // Columns of 32 in this dispatch.
     blocks: u32,
     act: u32,
     flags: u32,
     // The packed depth of a column block, in k.
     k_packed: u32,
+    // Row tiles that go by a column block before the next one (software variant).
+    group: u32,
     pad0: u32,
     pad1: u32,
+    pad2: u32,
 }
 
 @group(0) @binding(0) var<uniform> p: Params;

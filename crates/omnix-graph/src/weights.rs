@@ -2,7 +2,6 @@
 
 use std::ops::ControlFlow;
 
-use omnix_kernels::caps::UNIFORM_WINDOW;
 use omnix_kernels::dispatch::round_up;
 use omnix_kernels::{BufferSlice, Gpu, WeightType};
 use rustc_hash::FxHashMap;
@@ -53,7 +52,7 @@ impl WeightKey {
         let bytes = match self.packing {
             Packing::Plain => elements * 4,
             Packing::Repeat => elements * 4 * MAX_BLOCK,
-            Packing::Matrix(form, storage) => packed_shape(&dims, form, storage).bytes() - UNIFORM_WINDOW,
+            Packing::Matrix(form, storage) => packed_shape(&dims, form, storage).bytes(),
         };
         round_up(bytes, 256)
     }
@@ -117,8 +116,8 @@ impl WeightStore {
         let mut rest = distinct.as_slice();
         while !rest.is_empty() {
             let (count, bytes) = page(rest, gpu.caps.max_buffer.min(PAGE));
-            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-            let buffer = gpu.buffer("weights", bytes + UNIFORM_WINDOW, usage)?;
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+            let buffer = gpu.buffer("weights", bytes, usage)?;
             store.bytes += buffer.size();
             let mut offset = 0;
             for key in &rest[..count] {
@@ -162,7 +161,7 @@ impl WeightStore {
 fn page(keys: &[&WeightKey], limit: u64) -> (usize, u64) {
     let mut bytes = keys[0].bytes();
     let mut count = 1;
-    while count < keys.len() && bytes + keys[count].bytes() + UNIFORM_WINDOW <= limit {
+    while count < keys.len() && bytes + keys[count].bytes() <= limit {
         bytes += keys[count].bytes();
         count += 1;
     }

@@ -7,7 +7,7 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Tier {
     /// A software rasteriser with subgroups of exactly 8 lanes and 64-bit integers (lavapipe): register tiles, constant
-    /// shuffles, weights through uniform windows, four floats as two words, no barriers.
+    /// shuffles, keys and values through uniform windows, four floats as two words, no barriers.
     Software,
     /// Any WebGPU device; also SwiftShader and WARP.
     Baseline,

@@ -10,7 +10,7 @@
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, conv2d as shaders};
 
-use crate::caps::{Cooperative, UNIFORM_WINDOW};
+use crate::caps::Cooperative;
 use crate::cover::{cover, room};
 use crate::dispatch::Window;
 use crate::{Activation, Arg, Caps, Dispatch, KernelError, PackedWeights, Tier, WeightType};
@@ -81,16 +81,12 @@ pub struct Conv2dParams {
     n0: u32,
     blocks: u32,
     k_packed: u32,
-    tap0: u32,
-    tap_len: u32,
-    c0: u32,
-    c_len: u32,
     act: u32,
     flags: u32,
     low: f32,
+    group: u32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 crate::layout::layout!(Conv2dParams {
@@ -112,23 +108,17 @@ crate::layout::layout!(Conv2dParams {
     n0,
     blocks,
     k_packed,
-    tap0,
-    tap_len,
-    c0,
-    c_len,
     act,
     flags,
     low,
+    group,
     pad0,
     pad1,
-    pad2,
 });
 
 const HAS_BIAS: u32 = 1;
 const HAS_RESIDUAL: u32 = 2;
 const HAS_RESIDUAL2: u32 = 4;
-const ACCUMULATE: u32 = 8;
-const LAST: u32 = 16;
 
 /// Output pixels a workgroup of the software variant owns (`TM` in the sidecar file).
 const SOFTWARE_PIXELS: u64 = 32;
@@ -147,9 +137,6 @@ struct Slice {
     window: Window,
     block: u32,
     blocks: u32,
-    taps: (u32, u32),
-    channels: (u32, u32),
-    flags: u32,
 }
 
 impl Conv2d {
@@ -193,11 +180,7 @@ impl Conv2d {
         if self.weights.storage == WeightType::I8 {
             return Err(unsupported("int8 weights; they are for linear layers, store these as f16".to_owned()));
         }
-        let slices = if caps.tier == Tier::Software && self.ci.is_multiple_of(4) && self.weights.n.is_multiple_of(4) {
-            self.uniform_windows()
-        } else {
-            self.column_windows(caps)
-        };
+        let slices = self.slices(caps);
         let mut out = Vec::new();
         for piece in self.pieces(caps)? {
             out.extend(slices.iter().map(|slice| self.dispatch(&piece, slice, caps)));
@@ -232,52 +215,16 @@ impl Conv2d {
         Ok(pieces)
     }
 
-    /// The software variant: one slice a window of at most 64 KiB of weights, whole taps where one fits.
-    fn uniform_windows(&self) -> Vec<Slice> {
+    /// All columns of the weights, or as many as a binding holds.
+    fn slices(&self, caps: &Caps) -> Vec<Slice> {
         let w = &self.weights;
-        let shader = match w.storage {
-            WeightType::F32 => &shaders::SOFTWARE,
-            _ => &shaders::SOFTWARE_W16,
-        };
-        let fit = (UNIFORM_WINDOW / WeightType::ROW_BYTES * w.storage.k_per_row()) as u32;
-        let taps = self.kernel[0] * self.kernel[1];
-        let blocks = (fit / w.k).clamp(1, w.blocks());
-        // As even as possible: each further window reads and writes y again.
-        let tap_len = taps.div_ceil(taps.div_ceil((fit / self.ci).clamp(1, taps)));
-        let parts = self.ci.div_ceil(fit);
-        let c_len = self.ci.div_ceil(parts).next_multiple_of(4);
-        let mut slices = Vec::new();
-        for block in (0..w.blocks()).step_by(blocks as usize) {
-            for tap in (0..taps).step_by(tap_len as usize) {
-                for c in (0..self.ci).step_by(c_len as usize) {
-                    let (tap_len, c_len) = (tap_len.min(taps - tap), c_len.min(self.ci - c));
-                    let k0 = tap * self.ci + c;
-                    let end = tap + tap_len == taps && c + c_len == self.ci;
-                    let offset = u64::from(block) * w.block_bytes()
-                        + u64::from(k0) / w.storage.k_per_row() * WeightType::ROW_BYTES;
-                    slices.push(Slice {
-                        shader,
-                        window: W.window(offset, UNIFORM_WINDOW),
-                        block,
-                        blocks: blocks.min(w.blocks() - block),
-                        taps: (tap, tap_len),
-                        channels: (c, c_len),
-                        flags: if k0 > 0 { ACCUMULATE } else { 0 } | if end { LAST } else { 0 },
-                    });
-                }
-            }
-        }
-        slices
-    }
-
-    /// The other variants: weights in storage, split by columns where they exceed the binding limit.
-    fn column_windows(&self, caps: &Caps) -> Vec<Slice> {
-        let w = &self.weights;
-        let gpu = caps.tier == Tier::Gpu && self.ci.is_multiple_of(4) && w.n.is_multiple_of(4);
-        let shader = match (gpu, w.storage) {
-            (true, storage) => tile(storage, caps),
-            (false, WeightType::F32) => &shaders::BASELINE,
-            (false, _) => &shaders::BASELINE_W16,
+        let fours = self.ci.is_multiple_of(4) && w.n.is_multiple_of(4);
+        let shader = match (caps.tier, w.storage) {
+            (Tier::Software, WeightType::F32) if fours => &shaders::SOFTWARE,
+            (Tier::Software, _) if fours => &shaders::SOFTWARE_W16,
+            (Tier::Gpu, storage) if fours => tile(storage, caps),
+            (_, WeightType::F32) => &shaders::BASELINE,
+            (_, _) => &shaders::BASELINE_W16,
         };
         // An even number of blocks: the GPU tile is two wide.
         let fit = (caps.max_binding / w.block_bytes()).max(2) as u32 / 2 * 2;
@@ -289,9 +236,6 @@ impl Conv2d {
                 window: W.window(u64::from(block) * w.block_bytes(), u64::from(blocks) * w.block_bytes()),
                 block,
                 blocks,
-                taps: (0, self.kernel[0] * self.kernel[1]),
-                channels: (0, self.ci),
-                flags: LAST,
             }
         };
         starts.map(slice).collect()
@@ -337,19 +281,12 @@ impl Conv2d {
             n0: slice.block * 32,
             blocks: slice.blocks,
             k_packed: self.weights.k_packed(),
-            tap0: slice.taps.0,
-            tap_len: slice.taps.1,
-            c0: slice.channels.0,
-            c_len: slice.channels.1,
             act: self.act as u32,
-            flags: slice.flags
-                | set(self.bias, HAS_BIAS)
-                | set(self.residual, HAS_RESIDUAL)
-                | set(self.residual2, HAS_RESIDUAL2),
+            flags: set(self.bias, HAS_BIAS) | set(self.residual, HAS_RESIDUAL) | set(self.residual2, HAS_RESIDUAL2),
             low: if self.relu_input { 0.0 } else { f32::NEG_INFINITY },
+            group: self.weights.row_group(pixels.div_ceil(SOFTWARE_PIXELS), SOFTWARE_PIXELS * u64::from(self.ci) * 4),
             pad0: 0,
             pad1: 0,
-            pad2: 0,
         };
         let blocks = u64::from(slice.blocks);
         let groups = match slice.shader.variant {

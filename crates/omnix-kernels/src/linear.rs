@@ -2,13 +2,13 @@
 //! convolution (rows are pixels) and, by way of `depth_to_space`, transposed convolutions.
 //!
 //! W is packed ([`PackedWeights`]); int8 columns are scaled after their sum. Sums run over k in order in every variant and whatever the rows or
-//! windows of a dispatch, so splitting changes no bit.
+//! columns of a dispatch, so splitting changes no bit.
 
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, linear as shaders};
 use smallvec::{SmallVec, smallvec};
 
-use crate::caps::{Cooperative, UNIFORM_WINDOW};
+use crate::caps::Cooperative;
 use crate::dispatch::Window;
 use crate::{Activation, Arg, Caps, Dispatch, KernelError, PackedWeights, Tier, WeightType};
 
@@ -50,25 +50,32 @@ pub struct LinearParams {
     n: u32,
     k: u32,
     n0: u32,
-    k0: u32,
-    k_len: u32,
     blocks: u32,
     act: u32,
     flags: u32,
     k_packed: u32,
+    group: u32,
     pad0: u32,
     pad1: u32,
+    pad2: u32,
 }
 
-crate::layout::layout!(LinearParams { m, n, k, n0, k0, k_len, blocks, act, flags, k_packed, pad0, pad1 });
+crate::layout::layout!(LinearParams { m, n, k, n0, blocks, act, flags, k_packed, group, pad0, pad1, pad2 });
 
-/// Rows of the software tile: TM of linear.toml.
-const SOFTWARE_ROWS: u64 = 32;
 const HAS_BIAS: u32 = 1;
 const HAS_GAMMA: u32 = 2;
 const HAS_RESIDUAL: u32 = 4;
-const ACCUMULATE: u32 = 8;
-const LAST: u32 = 16;
+
+/// How a family of variants cuts y into tiles.
+#[derive(Clone, Copy, Debug)]
+enum Form {
+    /// So many rows x 32 columns a workgroup.
+    Software(u64),
+    /// 64 x 64 a workgroup.
+    Gpu,
+    /// 4 x 4 an invocation.
+    Baseline,
+}
 
 impl Linear {
     /// Multiply-adds, each counted as two operations.
@@ -88,111 +95,73 @@ impl Linear {
             return Err(KernelError::RowTooLarge { kernel: "linear", bytes: row_bytes * 64, limit: caps.max_binding });
         }
         let rows = caps.rows_per_window(u64::from(self.m), row_bytes);
-        let software = caps.tier == Tier::Software && k.is_multiple_of(4) && n.is_multiple_of(4);
         let mut out = Vec::new();
-        let mut row0 = 0;
-        while row0 < u64::from(self.m) {
-            let m = rows.min(u64::from(self.m) - row0);
-            if software {
-                self.uniform_windows(row0, m, &mut out);
-            } else {
-                self.column_windows(row0, m, caps, &mut out);
-            }
-            row0 += m;
+        for row0 in (0..u64::from(self.m)).step_by(rows as usize) {
+            self.columns(row0, rows.min(u64::from(self.m) - row0), caps, &mut out);
         }
         Ok(out)
     }
 
-    /// The software variant: one dispatch a window of at most 64 KiB of weights.
-    fn uniform_windows(&self, row0: u64, m: u64, out: &mut Vec<Dispatch>) {
+    /// Some rows, split by columns where the weights exceed the binding limit.
+    fn columns(&self, row0: u64, m: u64, caps: &Caps, out: &mut Vec<Dispatch>) {
         let w = &self.weights;
-        let shader = match w.storage {
-            WeightType::F32 => &shaders::SOFTWARE,
-            WeightType::F16 => &shaders::SOFTWARE_W16,
-            WeightType::I8 => &shaders::SOFTWARE_W8,
-        };
-        let k_window = (UNIFORM_WINDOW / WeightType::ROW_BYTES * w.storage.k_per_row()) as u32;
-        let whole_blocks = (k_window / w.k_packed()).clamp(1, w.blocks());
-        let mut block = 0;
-        while block < w.blocks() {
-            let blocks = whole_blocks.min(w.blocks() - block);
-            let mut k0 = 0;
-            while k0 < w.k {
-                let k_len = k_window.min(w.k - k0);
-                let mut flags = if k0 > 0 { ACCUMULATE } else { 0 };
-                if k0 + k_len == w.k {
-                    flags |= LAST;
-                }
-                let offset =
-                    u64::from(block) * w.block_bytes() + u64::from(k0) / w.storage.k_per_row() * WeightType::ROW_BYTES;
-                let window = W.window(offset, UNIFORM_WINDOW);
-                let groups = m.div_ceil(SOFTWARE_ROWS) * u64::from(blocks);
-                out.push(self.dispatch(shader, row0, m, window, (block, blocks), (k0, k_len), flags, groups));
-                k0 += k_len;
-            }
-            block += blocks;
-        }
-    }
-
-    /// The other variants: weights in storage, split by columns where they exceed the binding limit.
-    fn column_windows(&self, row0: u64, m: u64, caps: &Caps, out: &mut Vec<Dispatch>) {
-        let w = &self.weights;
-        let gpu = caps.tier == Tier::Gpu && w.k.is_multiple_of(4) && w.n.is_multiple_of(4);
-        let shader = match (gpu, w.storage) {
-            (true, storage) => tile(storage, caps),
-            (false, WeightType::F32) => &shaders::BASELINE,
-            (false, WeightType::F16) => &shaders::BASELINE_W16,
-            (false, WeightType::I8) => &shaders::BASELINE_W8,
+        let fours = w.k.is_multiple_of(4) && w.n.is_multiple_of(4);
+        let (shader, form) = match (caps.tier, w.storage) {
+            // Rows of a tile: TM of linear.toml.
+            (Tier::Software, WeightType::F32) if fours => (&shaders::SOFTWARE, Form::Software(48)),
+            (Tier::Software, WeightType::F16) if fours => (&shaders::SOFTWARE_W16, Form::Software(48)),
+            (Tier::Software, WeightType::I8) if fours => (&shaders::SOFTWARE_W8, Form::Software(32)),
+            (Tier::Gpu, storage) if fours => (tile(storage, caps), Form::Gpu),
+            (_, WeightType::F32) => (&shaders::BASELINE, Form::Baseline),
+            (_, WeightType::F16) => (&shaders::BASELINE_W16, Form::Baseline),
+            (_, WeightType::I8) => (&shaders::BASELINE_W8, Form::Baseline),
         };
         // An even number of blocks: the GPU tile is two wide, and 256-byte alignment follows.
         let fit = (caps.max_binding / w.block_bytes()).max(2) as u32 / 2 * 2;
-        let mut block = 0;
-        while block < w.blocks() {
-            let blocks = fit.min(w.blocks() - block);
-            let window = W.window(u64::from(block) * w.block_bytes(), u64::from(blocks) * w.block_bytes());
-            let groups = if gpu {
-                m.div_ceil(64) * u64::from(blocks.div_ceil(2))
-            } else {
-                (m.div_ceil(4) * u64::from(blocks) * 8).div_ceil(64)
-            };
-            out.push(self.dispatch(shader, row0, m, window, (block, blocks), (0, w.k), LAST, groups));
-            block += blocks;
+        for block in (0..w.blocks()).step_by(fit as usize) {
+            out.push(self.dispatch(shader, form, (row0, m), (block, fit.min(w.blocks() - block))));
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "one private place that turns a window into a dispatch")]
     fn dispatch(
         &self,
         shader: &'static Shader,
-        row0: u64,
-        m: u64,
-        window: Window,
+        form: Form,
+        (row0, m): (u64, u64),
         (block, blocks): (u32, u32),
-        (k0, k_len): (u32, u32),
-        flags: u32,
-        groups: u64,
     ) -> Dispatch {
         let PackedWeights { k, n, .. } = self.weights;
+        let columns = u64::from(blocks);
+        // Workgroups, and row tiles that go by a column block before the next.
+        let (groups, group) = match form {
+            Form::Software(rows) => {
+                let tiles = m.div_ceil(rows);
+                (tiles * columns, self.weights.row_group(tiles, rows * u64::from(k) * 4))
+            }
+            Form::Gpu => (m.div_ceil(64) * columns.div_ceil(2), 0),
+            // 64 tiles of 4 x 4 a workgroup.
+            Form::Baseline => ((m.div_ceil(4) * columns * 8).div_ceil(64), 0),
+        };
         let set = |on: bool, flag: u32| if on { flag } else { 0 };
         let params = LinearParams {
             m: m as u32,
             n,
             k,
             n0: block * 32,
-            k0,
-            k_len,
             blocks,
             act: self.act as u32,
-            flags: flags | set(self.bias, HAS_BIAS) | set(self.gamma, HAS_GAMMA) | set(self.residual, HAS_RESIDUAL),
+            flags: set(self.bias, HAS_BIAS) | set(self.gamma, HAS_GAMMA) | set(self.residual, HAS_RESIDUAL),
             k_packed: self.weights.k_packed(),
+            group,
             pad0: 0,
             pad1: 0,
+            pad2: 0,
         };
         let rows = |arg: Arg, width: u32| arg.window(row0 * u64::from(width) * 4, m * u64::from(width) * 4);
         let residual = if self.residual { rows(RESIDUAL, n) } else { Arg::ABSENT.into() };
         let mut windows: SmallVec<[Window; 8]> = smallvec![
             rows(X, k),
-            window,
+            W.window(u64::from(block) * self.weights.block_bytes(), u64::from(blocks) * self.weights.block_bytes()),
             BIAS.when(self.bias).into(),
             GAMMA.when(self.gamma).into(),
             residual,

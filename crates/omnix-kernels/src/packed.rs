@@ -7,7 +7,6 @@
 use half::f16;
 use rayon::prelude::*;
 
-use crate::caps::UNIFORM_WINDOW;
 use crate::dispatch::round_up;
 
 /// How weights are stored on the device; sums are f32 either way.
@@ -35,6 +34,11 @@ impl WeightType {
     /// Bytes of 32 columns of one packed row.
     pub(crate) const ROW_BYTES: u64 = 128;
 }
+
+/// Bytes of weights that stay in a processor's last cache while rows go by.
+const CACHED_WEIGHTS: u64 = 4 << 20;
+/// Bytes of x that stay in the cache of one core while column blocks go by.
+const CACHED_ROWS: u64 = 128 << 10;
 
 /// The shape of a packed weight matrix `[k, n]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -79,11 +83,20 @@ impl PackedWeights {
         (round_up(self.block_bytes() * self.blocks() as u64, 256), bytes)
     }
 
-    /// Size of the buffer: the blocks, int8's scales, and a tail so that a 64 KiB uniform window fits at every block.
+    /// How many of `row_tiles` tiles, each with `tile_bytes` of x, the software variants take past a column block before the next
+    /// block: few, where the weights stay in the processor's cache, so that x is read from memory once; all of them,
+    /// where the weights do not.
+    pub(crate) fn row_group(&self, row_tiles: u64, tile_bytes: u64) -> u32 {
+        let weights = self.block_bytes() * u64::from(self.blocks());
+        let fit = if weights <= CACHED_WEIGHTS { (CACHED_ROWS / tile_bytes).max(1) } else { row_tiles };
+        fit.min(row_tiles) as u32
+    }
+
+    /// Size of the buffer: the blocks and int8's scales.
     #[must_use]
     pub const fn bytes(&self) -> u64 {
         let (start, scales) = self.scales();
-        round_up(start + scales, 256) + UNIFORM_WINDOW
+        round_up(start + scales, 256)
     }
 
     /// Packs a matrix given by `weight(k, n)`, blocks side by side on all processors; the result has [`PackedWeights::bytes`]
