@@ -16,16 +16,13 @@
 @group(0) @binding(5) var<storage, read> residual2: array<Quad>;
 @group(0) @binding(6) var<storage, read_write> y: array<Quad>;
 
-fn finish(sum: vec4<f32>, pixel: u32, n4: u32) {
+// `added` is the bias: the same for all pixels of a tile.
+fn finish(sum: vec4<f32>, pixel: u32, n4: u32, added: vec4<f32>) {
     if (pixel >= p.pixels || n4 * 4u >= p.co) {
         return;
     }
     let at = p.y_rest / 4u + pixel * (p.co / 4u) + n4;
-    var v = sum;
-    if ((p.flags & HAS_BIAS) != 0u) {
-        v += lib_quad(bias[n4]);
-    }
-    v = lib_activate(v, p.act);
+    var v = lib_activate(sum + added, p.act);
     if ((p.flags & HAS_RESIDUAL) != 0u) {
         v += lib_quad(residual[at]);
     }
@@ -75,7 +72,11 @@ fn main(
         }
     }
     let n4 = p.n0 / 4u + block * 8u + lane;
+    var added = vec4<f32>(0.0);
+    if (n4 * 4u < p.co && (p.flags & HAS_BIAS) != 0u) {
+        added = lib_quad(bias[n4]);
+    }
 #for i in 0..$TM
-    finish(c$i, pixel + ${i}u, n4);
+    finish(c$i, pixel + ${i}u, n4, added);
 #end
 }

@@ -1,8 +1,10 @@
 // layer_norm, software devices: see lib/layer_norm_params for the equation and the shapes.
 //
-// A workgroup is one subgroup of 8 lanes and owns $ROWS consecutive rows; lane l takes the vec4 l, l + 8, …
-// of a row, and three constant shuffles add the lanes up. No workgroup memory, no barrier.
-// Needs c to be a multiple of 4.
+// A workgroup is one subgroup of 8 lanes and owns $ROWS consecutive rows at once; lane l takes the vec4 l, l + 8, … of
+// each. Loads cost more than anything else, so x is read twice and weight and bias once for all rows: a lane keeps the
+// mean of what it has read and the sum of squares around it, and joins four numbers at a time to them (Chan, Golub,
+// LeVeque 1983, which is as exact as two passes); three constant shuffles join the lanes. No workgroup memory, no
+// barrier. Needs c to be a multiple of 4. ACT is a variant of its own because both sides of a branch are computed here.
 #import layer_norm_params
 #import grid
 
@@ -11,9 +13,9 @@
 @group(0) @binding(3) var<storage, read> bias: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> y: array<vec4<f32>>;
 
-// The sum of all components of all 8 lanes, the same bits in every lane.
-fn total(v: vec4<f32>) -> f32 {
-    var s = (v.x + v.y) + (v.z + v.w);
+// The sum over all 8 lanes, the same bits in every lane.
+fn total(v: f32) -> f32 {
+    var s = v;
     s += subgroupShuffleXor(s, 1u);
     s += subgroupShuffleXor(s, 2u);
     s += subgroupShuffleXor(s, 4u);
@@ -33,28 +35,54 @@ fn main(
     }
     let c4 = p.c / 4u;
     let inverse = 1.0 / f32(p.c);
-    for (var row = row0; row < min(row0 + ${ROWS}u, p.m); row++) {
-        let first = row * c4;
-        var sum = vec4<f32>(0.0);
-        for (var i = lane; i < c4; i += 8u) {
-            sum += x[first + i];
+#for r in 0..$ROWS
+    // Rows past the end read the last row; they are not written.
+    let x$r = min(row0 + ${r}u, p.m - 1u) * c4;
+    var mean$r = 0.0;
+    var squares$r = 0.0;
+#end
+    var count = 0.0;
+    for (var i = lane; i < c4; i += 8u) {
+        let before = count;
+        count += 4.0;
+        let share = 4.0 / count;
+        let cross = before * share;
+#for r in 0..$ROWS
+        {
+            let v = x[x$r + i];
+            let middle = ((v.x + v.y) + (v.z + v.w)) * 0.25;
+            let d = v - vec4<f32>(middle);
+            let apart = middle - mean$r;
+            mean$r = fma(apart, share, mean$r);
+            squares$r += fma(apart * apart, cross, dot(d, d));
         }
-        let mean = vec4<f32>(total(sum) * inverse);
-        var squares = vec4<f32>(0.0);
-        for (var i = lane; i < c4; i += 8u) {
-            let d = x[first + i] - mean;
-            squares = fma(d, d, squares);
+#end
+    }
+#for r in 0..$ROWS
+    let row_mean$r = total(mean$r * count) * inverse;
+    let off$r = mean$r - row_mean$r;
+    let scale$r = 1.0 / sqrt(total(fma(off$r * off$r, count, squares$r)) * inverse + p.eps);
+#end
+    for (var i = lane; i < c4; i += 8u) {
+        var w = vec4<f32>(1.0);
+        if ((p.flags & HAS_WEIGHT) != 0u) {
+            w = weight[i];
         }
-        let scale = vec4<f32>(1.0 / sqrt(total(squares) * inverse + p.eps));
-        for (var i = lane; i < c4; i += 8u) {
-            var v = (x[first + i] - mean) * scale;
-            if ((p.flags & HAS_WEIGHT) != 0u) {
-                v *= weight[i];
-            }
-            if ((p.flags & HAS_BIAS) != 0u) {
-                v += bias[i];
-            }
-            y[first + i] = lib_activate(v, p.act);
+        var b = vec4<f32>(0.0);
+        if ((p.flags & HAS_BIAS) != 0u) {
+            b = bias[i];
         }
+#for r in 0..$ROWS
+        let v$r = (x[x$r + i] - vec4<f32>(row_mean$r)) * vec4<f32>(scale$r) * w + b;
+#end
+#for r in 0..$ROWS
+        if (row0 + ${r}u < p.m) {
+#if ACT
+            y[x$r + i] = lib_activate(v$r, p.act);
+#else
+            y[x$r + i] = v$r;
+#endif
+        }
+#end
     }
 }

@@ -2,8 +2,8 @@
 //
 //   y[m, c] = act((x[m, c] - mean_m) / sqrt(var_m + eps) * weight[c] + bias[c])
 //
-// mean and var over the c channels of a row, var with divisor c. The sum of squares is of differences
-// from the mean, in a second pass: a large common offset costs no precision.
+// mean and var over the c channels of a row, var with divisor c. The sum of squares is of differences from a mean, in
+// a second pass or as it goes: a large common offset costs no precision.
 #import activation
 
 const HAS_WEIGHT: u32 = 1u;

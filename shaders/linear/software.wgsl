@@ -16,19 +16,13 @@
 @group(0) @binding(5) var<storage, read> residual: array<Quad>;
 @group(0) @binding(6) var<storage, read_write> y: array<Quad>;
 
-fn finish(sum: vec4<f32>, row: u32, n4: u32) {
+// `added` is the bias, `scaled` the layer scale: the same for all rows of a tile.
+fn finish(sum: vec4<f32>, row: u32, n4: u32, added: vec4<f32>, scaled: vec4<f32>) {
     if (row >= p.m || n4 * 4u >= p.n) {
         return;
     }
     let at = row * (p.n / 4u) + n4;
-    var v = lib_scaled(sum, n4 * 4u);
-    if ((p.flags & HAS_BIAS) != 0u) {
-        v += lib_quad(bias[n4]);
-    }
-    v = lib_activate(v, p.act);
-    if ((p.flags & HAS_GAMMA) != 0u) {
-        v *= lib_quad(gamma[n4]);
-    }
+    var v = lib_activate(lib_scaled(sum, n4 * 4u) + added, p.act) * scaled;
     if ((p.flags & HAS_RESIDUAL) != 0u) {
         v += lib_quad(residual[at]);
     }
@@ -65,7 +59,17 @@ fn main(
 #import product_step
     }
     let n4 = p.n0 / 4u + block * 8u + lane;
+    var added = vec4<f32>(0.0);
+    var scaled = vec4<f32>(1.0);
+    if (n4 * 4u < p.n) {
+        if ((p.flags & HAS_BIAS) != 0u) {
+            added = lib_quad(bias[n4]);
+        }
+        if ((p.flags & HAS_GAMMA) != 0u) {
+            scaled = lib_quad(gamma[n4]);
+        }
+    }
 #for i in 0..$TM
-    finish(c$i, row0 + ${i}u, n4);
+    finish(c$i, row0 + ${i}u, n4, added, scaled);
 #end
 }

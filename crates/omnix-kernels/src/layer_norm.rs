@@ -1,7 +1,7 @@
 //! `y[m, c] = act((x[m, c] − mean_m) / √(var_m + eps) · weight[c] + bias[c])`, mean and variance (divisor c)
 //! over the channels of a row.
 //!
-//! Two passes, mean first, so a large common offset costs no precision. The order of summation within a
+//! The sum of squares is of differences from a mean, so a large common offset costs no precision. The order of summation within a
 //! row depends on the variant and on c alone: splitting over rows changes no bit.
 
 use bytemuck::{Pod, Zeroable};
@@ -84,7 +84,10 @@ impl LayerNorm {
             return Err(KernelError::RowTooLarge { kernel, bytes: rows * row_bytes, limit });
         }
         let (shader, group_rows) = match caps.tier {
-            Tier::Software if self.c.is_multiple_of(4) => (&shaders::SOFTWARE, SOFTWARE_ROWS),
+            Tier::Software if self.c.is_multiple_of(4) && self.act == Activation::None => {
+                (&shaders::SOFTWARE, SOFTWARE_ROWS)
+            }
+            Tier::Software if self.c.is_multiple_of(4) => (&shaders::SOFTWARE_ACT, SOFTWARE_ROWS),
             Tier::Gpu if caps.subgroup.is_some() && self.c.is_multiple_of(4) && self.c <= SUBGROUP_CHANNELS => {
                 (&shaders::SUBGROUP, 1)
             }
