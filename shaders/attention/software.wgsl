@@ -1,9 +1,10 @@
 // attention, software devices: see lib/attention_params for the equation and the shapes.
 //
-// A workgroup is one subgroup of 8 lanes and owns $TM queries of one head; keys go by in blocks of 32. For the
-// scores lane j owns keys 4j..4j+4 of the block, for the sums the channels 4j..4j+4 of each 32; queries and
-// weights reach the other lanes by shuffles. k and v come through 64 KiB uniform windows, the only
-// gather a software rasteriser does without branches. No workgroup memory, no barrier.
+// A workgroup is one subgroup of 8 lanes and owns $TM queries of one head, the last one of a dispatch what is
+// left; keys go by in blocks of 32. For the scores lane j owns keys 4j..4j+4 of the block, for the sums the
+// channels 4j..4j+4 of each 32; queries and weights reach the other lanes by shuffles. k and v come through
+// 64 KiB uniform windows, the only gather a software rasteriser does without branches. No workgroup memory, no
+// barrier.
 #import attention_params
 #import grid
 #import quad
@@ -22,7 +23,8 @@ fn main(
 ) {
     let lane = local.x;
     let tile = lib_fold(group, groups);
-    let tiles = p.q_count / ${TM}u;
+    let tiles = (p.q_count + ${TM-1}u) / ${TM}u;
+    let q_end = min(p.nq, p.q0 + p.q_count);
     let i = tile / tiles;
     let query = p.q0 + tile % tiles * ${TM}u;
     if (i >= p.head_count) {
@@ -44,7 +46,7 @@ fn main(
             m$t = before.x;
             // Lanes hold partial sums: the first takes over the whole.
             l$t = select(0.0, before.y, lane == 0u);
-            if (query + ${t}u < p.nq) {
+            if (query + ${t}u < q_end) {
                 let at = out_of(i, query + ${t}u) + lane;
 #for v in 0..${DP/32}
                 if (${v*8}u + lane < d4) {
@@ -130,10 +132,10 @@ fn main(
         var scale = 1.0;
         if ((p.flags & LAST) != 0u) {
             scale = 1.0 / l;
-        } else if (lane == 0u) {
+        } else if (lane == 0u && query + ${t}u < q_end) {
             state[row + ${t}u] = vec2<f32>(m$t, l);
         }
-        if (query + ${t}u < p.nq) {
+        if (query + ${t}u < q_end) {
             let at = out_of(i, query + ${t}u) + lane;
 #for v in 0..${DP/32}
             if (${v*8}u + lane < d4) {

@@ -85,8 +85,6 @@ const FIRST: u32 = 1;
 const LAST: u32 = 2;
 /// Queries and keys are padded to a multiple of this.
 const BLOCK: u64 = 32;
-/// Queries a subgroup of the software variants owns (`TM` in the sidecar file).
-const SOFTWARE_QUERIES: u64 = 16;
 /// Queries a workgroup of the other variants owns.
 const GROUP_QUERIES: u64 = 64;
 /// Drivers take a device for hung after some seconds in one dispatch: no dispatch has more operations than this.
@@ -292,11 +290,16 @@ impl Attention {
             state,
         ];
         let groups = match caps.tier {
-            Tier::Software => piece.heads * (piece.queries / SOFTWARE_QUERIES),
+            Tier::Software => piece.heads * piece.queries.div_ceil(self.software_queries()),
             Tier::Gpu => piece.heads * piece.queries.div_ceil(GROUP_QUERIES),
             Tier::Baseline => (piece.heads * piece.queries).div_ceil(GROUP_QUERIES),
         };
         Dispatch::new(self.shader(caps), &params, &windows, groups)
+    }
+
+    /// Queries a subgroup of the software variants owns (`TM` in the sidecar file).
+    const fn software_queries(&self) -> u64 {
+        if padded(self.head_dim) == 128 { 16 } else { 24 }
     }
 
     fn shader(&self, caps: &Caps) -> &'static Shader {
