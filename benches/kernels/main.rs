@@ -20,6 +20,7 @@ mod token_expand;
 mod top_k;
 mod traj_apply;
 mod trajectory;
+mod winograd;
 
 use omnix_benches::{Bench, Options};
 use omnix_kernels::KernelError;
@@ -37,6 +38,7 @@ fn all(bench: &Bench) -> Result<(), KernelError> {
     softmax::run(bench)?;
     reduce::run(bench)?;
     conv2d::run(bench)?;
+    winograd::run(bench)?;
     resize::run(bench)?;
     copy::run(bench)?;
     pointwise::run(bench)?;

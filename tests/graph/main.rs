@@ -1,5 +1,6 @@
 //! Graphs on the device: fusion, chains in chunks, memory, profile.
 
+mod algorithm;
 mod chunks;
 mod fusion;
 mod memory;

@@ -3,7 +3,7 @@
 use omnix_kernels::layout::{HostParams, Layout};
 use omnix_kernels::{
     attention, conv2d, copy, deform_sample, field_scatter, gather, layer_norm, linear, pointwise, reduce,
-    reference_view, resize, softmax, split_heads, swiglu, token_expand, top_k, traj_apply,
+    reference_view, resize, softmax, split_heads, swiglu, token_expand, top_k, traj_apply, winograd,
 };
 use omnix_shaders::ALL;
 
@@ -29,6 +29,7 @@ const HOST: &[(&str, Layout)] = &[
     ("top_k", top_k::TopKParams::LAYOUT),
     ("traj_apply", traj_apply::TrajApplyParams::LAYOUT),
     ("trajectory", deform_sample::DeformParams::LAYOUT),
+    ("winograd", winograd::WinogradParams::LAYOUT),
 ];
 
 #[test]

@@ -21,3 +21,4 @@ mod token_expand;
 mod top_k;
 mod traj_apply;
 mod trajectory;
+mod winograd;

@@ -120,7 +120,7 @@ impl Run<'_> {
                 let row = |c: usize| (0..taps).flat_map(move |t| (0..out).map(move |o| w[(c * out + o) * taps + t]));
                 (out * taps, (0..k).flat_map(row).collect())
             }
-            WeightForm::Conv => panic!("a convolution's weights"),
+            WeightForm::Conv | WeightForm::Winograd => panic!("a convolution's weights"),
         };
         let mut y = product(x, &table, k, n);
         let bias = l.bias.map(|b| self.get(b));

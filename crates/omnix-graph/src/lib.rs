@@ -8,6 +8,7 @@
 //! * [`Work`]: what a run asks of a device, counted without one.
 //! * [`Executable`]: the plan on a borrowed device; `encode` is the only part that touches it.
 
+mod algorithm;
 pub mod build;
 pub mod error;
 pub mod exec;

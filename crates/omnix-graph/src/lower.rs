@@ -3,7 +3,6 @@
 mod motion;
 
 use omnix_kernels::attention::Attention;
-use omnix_kernels::conv2d::Conv2d;
 use omnix_kernels::gather::Gather;
 use omnix_kernels::layer_norm::LayerNorm;
 use omnix_kernels::linear::Linear;
@@ -16,9 +15,11 @@ use omnix_kernels::softmax::Softmax;
 use omnix_kernels::split_heads::SplitHeads;
 use omnix_kernels::swiglu::SwiGlu;
 use omnix_kernels::top_k::TopK;
+use omnix_kernels::winograd::Winograd;
 use omnix_kernels::{Dispatch, KernelError};
 use smallvec::{SmallVec, smallvec};
 
+use crate::algorithm;
 use crate::graph::{Node, Value};
 use crate::op::{Op, StridedCopy, WeightForm};
 use crate::plan::{Plan, packed_shape, stored_as};
@@ -53,7 +54,10 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
                 gamma: l.gamma.is_some(),
                 residual: l.residual.is_some(),
             };
-            debug_assert!(l.form != WeightForm::Conv, "BUG: a linear layer with a convolution's weights");
+            debug_assert!(
+                !matches!(l.form, WeightForm::Conv | WeightForm::Winograd),
+                "BUG: a linear layer with a convolution's weights"
+            );
             one(smallvec![Some(l.x), Some(l.w), l.bias, l.gamma, l.residual, Some(y)], spec.record(caps)?)
         }
         Op::LayerNorm { x, weight, bias, eps, act } => {
@@ -91,24 +95,14 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
             one(smallvec![Some(a.q), Some(a.k), Some(a.v), Some(y), Some(node.outputs[1])], spec.record(caps)?)
         }
         Op::Conv2d(c) => {
-            let (x, w) = (graph.shape(c.x), graph.shape(c.w));
-            let spec = Conv2d {
-                frames: n(x[0])?,
-                hi: n(x[1])?,
-                wi: n(x[2])?,
-                ci: n(x[3])?,
-                kernel: [n(w[2])?, n(w[3])?],
-                stride: n(c.stride)?,
-                padding: n(c.padding)?,
-                weights: packed_shape(w, WeightForm::Conv, stored_as(graph, c.w, plan.storage)),
-                act: c.act,
-                relu_input: c.relu_input,
-                bias: c.bias.is_some(),
-                residual: c.residuals[0].is_some(),
-                residual2: c.residuals[1].is_some(),
-            };
-            let args = smallvec![Some(c.x), Some(c.w), c.bias, c.residuals[0], c.residuals[1], Some(y)];
-            one(args, spec.record(caps)?)
+            let conv = algorithm::kernel(graph, c, plan.storage)?;
+            let mut args = smallvec![Some(c.x), Some(c.w), c.bias, c.residuals[0], c.residuals[1], Some(y)];
+            if c.form == WeightForm::Winograd {
+                args.push(Some(node.outputs[1]));
+                one(args, Winograd { conv }.record(caps)?)
+            } else {
+                one(args, conv.record(caps)?)
+            }
         }
         Op::Resize { x, filter, corners, add } => {
             let (from, to) = (graph.shape(*x), graph.shape(y));

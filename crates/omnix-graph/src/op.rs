@@ -28,6 +28,8 @@ pub enum WeightForm {
     Linear,
     /// `[out, in, rows, columns]` of a convolution: depth in the order (row, column, in).
     Conv,
+    /// `[out, in, 3, 3]` transformed for Winograd's algorithm: depth in the order (place, in), 16 places.
+    Winograd,
     /// `[in, out, k, k]` of a transposed convolution with stride k: columns in the order (row, column, out).
     ConvTranspose,
 }
@@ -104,6 +106,8 @@ pub struct Conv2d {
     pub x: Value,
     /// A parameter `[out, in, rows, columns]`.
     pub w: Value,
+    /// How `w` is packed, which says by what algorithm the node is computed: [`WeightForm::Conv`] until a plan decides.
+    pub form: WeightForm,
     /// `[out]`.
     pub bias: Option<Value>,
     /// Step in rows and columns.

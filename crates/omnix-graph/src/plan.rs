@@ -2,6 +2,7 @@
 
 use omnix_kernels::{Caps, PackedWeights, WeightType};
 
+use crate::algorithm;
 use crate::error::GraphError;
 use crate::fuse::fuse;
 use crate::graph::{Graph, Node, Source, Value};
@@ -57,7 +58,8 @@ impl Plan {
     /// # Errors
     /// [`GraphError::Budget`] with the least that works, or [`GraphError::TensorTooLarge`].
     pub fn new(graph: &Graph, caps: &Caps, options: &PlanOptions) -> Result<Self, GraphError> {
-        let graph = if options.fuse { fuse(graph) } else { graph.clone() };
+        let mut graph = if options.fuse { fuse(graph) } else { graph.clone() };
+        algorithm::choose(&mut graph, caps, options.storage);
         let segments = segments(&graph, caps.align);
         let (parts, memory) = fit(&graph, &segments, options, caps.max_buffer)?;
         let weights = weights(&graph, options.storage);
@@ -156,7 +158,7 @@ pub(crate) fn weight_key(graph: &Graph, node: &Node, value: Value, storage: Weig
     let matrix = |form| Packing::Matrix(form, stored_as(graph, value, storage));
     let packing = match &node.op {
         Op::Linear(l) if l.w == value => matrix(l.form),
-        Op::Conv2d(c) if c.w == value => matrix(WeightForm::Conv),
+        Op::Conv2d(c) if c.w == value => matrix(c.form),
         _ => bias_packing(node, value),
     };
     Some(WeightKey { parameter: parameter.clone(), packing })
@@ -205,6 +207,7 @@ pub fn packed_shape(shape: &[usize], form: WeightForm, storage: WeightType) -> P
     let product = |dims: &[usize]| dims.iter().product::<usize>() as u32;
     let (k, n) = match form {
         WeightForm::Linear | WeightForm::Conv => (product(&shape[1..]), shape[0] as u32),
+        WeightForm::Winograd => (16 * shape[1] as u32, shape[0] as u32),
         WeightForm::ConvTranspose => (shape[0] as u32, product(&shape[1..])),
     };
     PackedWeights { k, n, storage }

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use omnix_kernels::dispatch::round_up;
+use omnix_kernels::winograd::transform;
 use omnix_kernels::{BufferSlice, Gpu, WeightType};
 use rustc_hash::FxHashMap;
 
@@ -71,6 +72,11 @@ impl WeightKey {
                     WeightForm::Conv => {
                         let (channels, taps) = (dims[1], dims[2] * dims[3]);
                         shape.pack(|k, n| data[n * row + k % channels * taps + k / channels])
+                    }
+                    WeightForm::Winograd => {
+                        let channels = dims[1];
+                        let places: Vec<[f32; 16]> = data.as_chunks().0.iter().map(|taps| transform(*taps)).collect();
+                        shape.pack(|k, n| places[n * channels + k % channels][k / channels])
                     }
                     WeightForm::ConvTranspose => {
                         let (out, taps) = (dims[1], dims[2] * dims[3]);

@@ -15,7 +15,8 @@ pub struct Work {
     pub dispatches: usize,
     /// Distinct shaders among them: what a driver compiles.
     pub pipelines: usize,
-    /// Bytes of all windows that dispatches see: each is moved at least once.
+    /// Bytes of all windows that dispatches see: each is moved at least once (bands of `winograd` share the windows of
+    /// their maps, which count for each).
     pub bytes: u64,
     /// Multiply-adds: half the plan's operations.
     pub multiply_adds: u64,

@@ -21,6 +21,7 @@ mod token_expand;
 mod top_k;
 mod traj_apply;
 mod trajectory;
+mod winograd;
 
 pub use attention::attention;
 pub use conv2d::conv2d;
@@ -42,3 +43,4 @@ pub use token_expand::token_expand;
 pub use top_k::top_k;
 pub use traj_apply::traj_apply;
 pub use trajectory::trajectory;
+pub use winograd::winograd;

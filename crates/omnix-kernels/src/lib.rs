@@ -42,6 +42,7 @@ pub mod token_expand;
 pub mod top_k;
 pub mod traj_apply;
 pub mod trajectory;
+pub mod winograd;
 
 pub use activation::Activation;
 pub use caps::{Caps, Cooperative, Tier};

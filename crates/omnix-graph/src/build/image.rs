@@ -32,7 +32,18 @@ impl Graph {
         }
         let side = |n: usize, k: usize| (n + 2 * padding - k) / stride + 1;
         let shape = [frames, side(h, rows), side(width, columns), out];
-        let op = Conv2d { x, w, bias, stride, padding, relu_input: false, act: Activation::None, residuals: [None; 2] };
+        let form = WeightForm::Conv;
+        let op = Conv2d {
+            x,
+            w,
+            form,
+            bias,
+            stride,
+            padding,
+            relu_input: false,
+            act: Activation::None,
+            residuals: [None; 2],
+        };
         Ok(self.push_one(Op::Conv2d(op), shape))
     }
 
