@@ -15,6 +15,25 @@ const SHAPES: &[(u32, u32, u32, u32, u32)] = &[
     (1024, 256, 20, 36, 1),
 ];
 
+/// A layer of 3x3 with ReLU before and after, and a bias.
+pub(crate) fn layer([ci, co]: [u32; 2], [hi, wi]: [u32; 2], stride: u32, storage: WeightType) -> Conv2d {
+    Conv2d {
+        frames: 1,
+        hi,
+        wi,
+        ci,
+        kernel: [3, 3],
+        stride,
+        padding: 1,
+        weights: PackedWeights { k: 9 * ci, n: co, storage },
+        act: Activation::Relu,
+        relu_input: true,
+        bias: true,
+        residual: false,
+        residual2: false,
+    }
+}
+
 pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
     for &(ci, co, hi, wi, stride) in SHAPES {
         for storage in [WeightType::F32, WeightType::F16] {
@@ -22,25 +41,10 @@ pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
             if !bench.wants("conv2d", &case) {
                 continue;
             }
-            let weights = PackedWeights { k: 9 * ci, n: co, storage };
-            let spec = Conv2d {
-                frames: 1,
-                hi,
-                wi,
-                ci,
-                kernel: [3, 3],
-                stride,
-                padding: 1,
-                weights,
-                act: Activation::Relu,
-                relu_input: true,
-                bias: true,
-                residual: false,
-                residual2: false,
-            };
+            let spec = layer([ci, co], [hi, wi], stride, storage);
             let [ho, wo] = spec.output();
             let (x, w) = (numbers((hi * wi * ci) as usize), numbers((9 * ci * co) as usize));
-            let packed = weights.pack(|k, o| w[k * co as usize + o]);
+            let packed = spec.weights.pack(|k, o| w[k * co as usize + o]);
             let args = [
                 HostArg::F32(&x),
                 HostArg::Bytes(&packed),

@@ -1,10 +1,11 @@
 //! `winograd` at the shapes of `conv2d`; rates are effective, by the operations of the sum over taps.
 
 use omnix_benches::{Bench, Work, numbers};
-use omnix_kernels::conv2d::Conv2d;
 use omnix_kernels::run::HostArg;
 use omnix_kernels::winograd::Winograd;
-use omnix_kernels::{Activation, KernelError, PackedWeights, WeightType};
+use omnix_kernels::{KernelError, WeightType};
+
+use crate::conv2d::layer;
 
 /// Input and output channels, rows, columns.
 const SHAPES: &[(u32, u32, u32, u32)] =
@@ -12,21 +13,7 @@ const SHAPES: &[(u32, u32, u32, u32)] =
 
 pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
     for &(ci, co, hi, wi) in SHAPES {
-        let conv = Conv2d {
-            frames: 1,
-            hi,
-            wi,
-            ci,
-            kernel: [3, 3],
-            stride: 1,
-            padding: 1,
-            weights: PackedWeights { k: 9 * ci, n: co, storage: WeightType::F32 },
-            act: Activation::Relu,
-            relu_input: true,
-            bias: true,
-            residual: false,
-            residual2: false,
-        };
+        let conv = layer([ci, co], [hi, wi], 1, WeightType::F32);
         let case = format!("{ci}->{co} {hi}x{wi}");
         let Some(spec) = Winograd::of(conv, &bench.gpu.caps).filter(|_| bench.wants("winograd", &case)) else {
             continue;

@@ -8,11 +8,8 @@
 //
 // A dispatch owns whole frames, or a band of output rows of one frame; `pixels` counts its output pixels.
 #import activation
+#import conv2d_flags
 #import weights
-
-const HAS_BIAS: u32 = 1u;
-const HAS_RESIDUAL: u32 = 2u;
-const HAS_RESIDUAL2: u32 = 4u;
 
 struct Params {
     pixels: u32,

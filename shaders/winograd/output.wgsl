@@ -2,12 +2,8 @@
 //
 // An invocation owns a tile (2x2 pixels) and 4 channels.
 #import winograd_params
-#import activation
+#import conv2d_epilogue
 #import grid
-
-const HAS_BIAS: u32 = 1u;
-const HAS_RESIDUAL: u32 = 2u;
-const HAS_RESIDUAL2: u32 = 4u;
 
 @group(0) @binding(1) var<storage, read> bias: array<Quad>;
 @group(0) @binding(2) var<storage, read> residual: array<Quad>;
@@ -19,15 +15,7 @@ fn finish(sum: vec4<f32>, at: vec3<u32>, n4: u32, added: vec4<f32>) {
     if (at.y >= p.ho || at.z >= p.wo) {
         return;
     }
-    let to = p.y_rest / 4u + ((at.x * p.ho + at.y) * p.wo + at.z) * (p.co / 4u) + n4;
-    var v = lib_activate(sum + added, p.act);
-    if ((p.flags & HAS_RESIDUAL) != 0u) {
-        v += lib_quad(residual[to]);
-    }
-    if ((p.flags & HAS_RESIDUAL2) != 0u) {
-        v += lib_quad(residual2[to]);
-    }
-    y[to] = lib_to_quad(v);
+    lib_finish(sum, p.y_rest / 4u + ((at.x * p.ho + at.y) * p.wo + at.z) * (p.co / 4u) + n4, added);
 }
 
 @compute @workgroup_size(64)
@@ -53,10 +41,7 @@ fn main(
     let s${i}1 = m${i}1 - m${i}2 - m${i}3;
     start += 4u * place;
 #end
-    var added = vec4<f32>(0.0);
-    if ((p.flags & HAS_BIAS) != 0u) {
-        added = lib_quad(bias[n4]);
-    }
+    let added = lib_bias(n4);
     let at = lib_tile(p.tile0 + row);
 #for j in 0..2
     finish(s0$j + s1$j + s2$j, at + vec3<u32>(0u, 0u, ${j}u), n4, added);

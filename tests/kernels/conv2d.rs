@@ -7,7 +7,15 @@ use omnix_shaders::conv2d as shaders;
 use omnix_tests::{Rng, as_f16, assert_close, families, family, rounds, with_max_binding};
 
 /// A plain specification with nothing optional.
-fn plain(frames: u32, [hi, wi]: [u32; 2], ci: u32, co: u32, kernel: [u32; 2], stride: u32, padding: u32) -> Conv2d {
+pub(crate) fn plain(
+    frames: u32,
+    [hi, wi]: [u32; 2],
+    ci: u32,
+    co: u32,
+    kernel: [u32; 2],
+    stride: u32,
+    padding: u32,
+) -> Conv2d {
     let weights = PackedWeights { k: kernel[0] * kernel[1] * ci, n: co, storage: WeightType::F32 };
     Conv2d {
         frames,
@@ -26,7 +34,8 @@ fn plain(frames: u32, [hi, wi]: [u32; 2], ci: u32, co: u32, kernel: [u32; 2], st
     }
 }
 
-fn full(mut spec: Conv2d, storage: WeightType, act: Activation) -> Conv2d {
+/// With everything optional.
+pub(crate) fn full(mut spec: Conv2d, storage: WeightType, act: Activation) -> Conv2d {
     spec.weights.storage = storage;
     Conv2d { act, relu_input: true, bias: true, residual: true, residual2: true, ..spec }
 }

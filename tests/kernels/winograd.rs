@@ -4,32 +4,21 @@ use omnix_kernels::conv2d::Conv2d;
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::winograd::{Winograd, Y, transform};
 use omnix_kernels::{Activation, Caps, Gpu, PackedWeights, Tier, WeightType, cpu};
-use omnix_tests::{Rng, assert_close, families, with_max_binding};
+use omnix_tests::{Rng, assert_close, gpu, with_max_binding};
 
-fn plain(frames: u32, [hi, wi]: [u32; 2], ci: u32, co: u32, padding: u32) -> Conv2d {
-    Conv2d {
-        frames,
-        hi,
-        wi,
-        ci,
-        kernel: [3, 3],
-        stride: 1,
-        padding,
-        weights: PackedWeights { k: 9 * ci, n: co, storage: WeightType::F32 },
-        act: Activation::None,
-        relu_input: false,
-        bias: false,
-        residual: false,
-        residual2: false,
-    }
+use crate::conv2d;
+
+fn plain(frames: u32, size: [u32; 2], ci: u32, co: u32, padding: u32) -> Conv2d {
+    conv2d::plain(frames, size, ci, co, [3, 3], 1, padding)
 }
 
 fn full(spec: Conv2d, act: Activation) -> Conv2d {
-    Conv2d { act, relu_input: true, bias: true, residual: true, residual2: true, ..spec }
+    conv2d::full(spec, WeightType::F32, act)
 }
 
-fn software() -> Option<Gpu> {
-    families().into_iter().find(|gpu| gpu.caps.tier == Tier::Software)
+/// The device, where it is one that these kernels are for.
+fn software() -> Option<&'static Gpu> {
+    Some(gpu()).filter(|gpu| gpu.caps.tier == Tier::Software)
 }
 
 /// Numbers of a convolution: x, weights, bias, residuals.
@@ -96,7 +85,7 @@ fn every_shape_matches_the_oracle() {
             let weight = |k: usize, o: usize| numbers.weight(&spec, k, o);
             let [residual, residual2] = &numbers.residuals;
             let want = cpu::winograd(&Winograd { conv: spec }, &numbers.x, &weight, &numbers.bias, residual, residual2);
-            let got = compute(&gpu, &spec, &numbers);
+            let got = compute(gpu, &spec, &numbers);
             assert_close(&format!("{spec:?}"), &got, &want, 4e-6);
         }
     }
@@ -107,11 +96,11 @@ fn splitting_over_frames_changes_no_bit() {
     let Some(gpu) = software() else { return };
     let spec = full(plain(9, [64, 60], 80, 80, 1), Activation::Silu);
     // A frame is 1.2 MiB, the scratch of a band 8 MiB: all nine do not go at once.
-    let small = with_max_binding(&gpu, 17 << 19);
+    let small = with_max_binding(gpu, 17 << 19);
     let count = |gpu: &Gpu| Winograd { conv: spec }.record(&gpu.caps).expect("records").len();
-    assert!(count(&small) > count(&gpu));
+    assert!(count(&small) > count(gpu));
     let numbers = Numbers::of(&spec);
-    assert_eq!(compute(&gpu, &spec, &numbers), compute(&small, &spec, &numbers));
+    assert_eq!(compute(gpu, &spec, &numbers), compute(&small, &spec, &numbers));
 }
 
 #[test]

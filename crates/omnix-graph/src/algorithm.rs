@@ -1,5 +1,6 @@
 //! Which algorithm computes a convolution: the sum over taps, or on some devices and shapes Winograd's
-//! (`omnix_kernels::winograd`), which reads other weights and needs scratch memory. Decided once, before memory is planned.
+//! (`omnix_kernels::winograd`), which reads other weights and needs scratch memory. Decided once, before memory is
+//! planned, and never by the budget: a budget changes no bit of a result.
 
 use omnix_kernels::winograd::Winograd;
 use omnix_kernels::{Caps, KernelError, WeightType, conv2d};
@@ -14,7 +15,9 @@ pub(crate) fn choose(graph: &mut Graph, caps: &Caps, storage: WeightType) {
     for index in 0..graph.nodes.len() {
         let Op::Conv2d(conv) = &graph.nodes[index].op else { continue };
         // What is too large for a kernel is said when it is recorded.
-        let Some(spec) = kernel(graph, conv, storage).ok().and_then(|conv| Winograd::of(conv, caps)) else { continue };
+        let Some(spec) = conv2d_spec(graph, conv, storage).ok().and_then(|conv| Winograd::of(conv, caps)) else {
+            continue;
+        };
         let name = format!("{}.scratch", graph.value_name(graph.nodes[index].outputs[0]));
         let scratch = graph.add(name, Shape::from([spec.scratch() as usize]), Source::Node(index));
         let node = &mut graph.nodes[index];
@@ -26,7 +29,7 @@ pub(crate) fn choose(graph: &mut Graph, caps: &Caps, storage: WeightType) {
 }
 
 /// The sum over taps that `c` stands for, whatever computes it.
-pub(crate) fn kernel(graph: &Graph, c: &Conv2d, storage: WeightType) -> Result<conv2d::Conv2d, KernelError> {
+pub(crate) fn conv2d_spec(graph: &Graph, c: &Conv2d, storage: WeightType) -> Result<conv2d::Conv2d, KernelError> {
     let n = |n: usize| u32::try_from(n).map_err(|_| too_large("conv2d", n));
     let (x, w) = (graph.shape(c.x), graph.shape(c.w));
     Ok(conv2d::Conv2d {

@@ -95,7 +95,7 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
             one(smallvec![Some(a.q), Some(a.k), Some(a.v), Some(y), Some(node.outputs[1])], spec.record(caps)?)
         }
         Op::Conv2d(c) => {
-            let conv = algorithm::kernel(graph, c, plan.storage)?;
+            let conv = algorithm::conv2d_spec(graph, c, plan.storage)?;
             let mut args = smallvec![Some(c.x), Some(c.w), c.bias, c.residuals[0], c.residuals[1], Some(y)];
             if c.form == WeightForm::Winograd {
                 args.push(Some(node.outputs[1]));

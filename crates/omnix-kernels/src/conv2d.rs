@@ -161,6 +161,17 @@ impl Conv2d {
             * u64::from(self.weights.n)
     }
 
+    /// What is added, as the shaders read it (`shaders/lib/conv2d_flags.wgsl`).
+    pub(crate) fn flags(&self) -> u32 {
+        let set = |on: bool, flag: u32| if on { flag } else { 0 };
+        set(self.bias, HAS_BIAS) | set(self.residual, HAS_RESIDUAL) | set(self.residual2, HAS_RESIDUAL2)
+    }
+
+    /// The least value of the input after [`Conv2d::relu_input`].
+    pub(crate) const fn low(&self) -> f32 {
+        if self.relu_input { 0.0 } else { f32::NEG_INFINITY }
+    }
+
     /// The dispatches that compute this on a device with `caps`.
     ///
     /// # Errors
@@ -261,7 +272,6 @@ impl Conv2d {
         let same =
             |arg: Arg, there: bool| if there { cover(arg, first, pixels * co, caps).0 } else { Arg::ABSENT.into() };
 
-        let set = |on: bool, flag: u32| if on { flag } else { 0 };
         let params = Conv2dParams {
             pixels: pixels as u32,
             wo: wo as u32,
@@ -282,8 +292,8 @@ impl Conv2d {
             blocks: slice.blocks,
             k_packed: self.weights.k_packed(),
             act: self.act as u32,
-            flags: set(self.bias, HAS_BIAS) | set(self.residual, HAS_RESIDUAL) | set(self.residual2, HAS_RESIDUAL2),
-            low: if self.relu_input { 0.0 } else { f32::NEG_INFINITY },
+            flags: self.flags(),
+            low: self.low(),
             group: self.weights.row_group(pixels.div_ceil(SOFTWARE_PIXELS), SOFTWARE_PIXELS * u64::from(self.ci) * 4),
             pad0: 0,
             pad1: 0,

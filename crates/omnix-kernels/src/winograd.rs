@@ -14,9 +14,11 @@ use omnix_shaders::winograd as shaders;
 use crate::conv2d::Conv2d;
 pub use crate::conv2d::{BIAS, RESIDUAL, RESIDUAL2, W, X, Y};
 use crate::cover::{cover, room};
+use crate::dispatch::Window;
 use crate::{Arg, Caps, Dispatch, KernelError, PackedWeights, Tier, WeightType};
 
-/// Transformed tiles of x and, behind them, of y: [`Winograd::scratch`] words. `W` are transformed weights ([`transform`]) of the shape [`Winograd::weights`].
+/// Transformed tiles of x and, behind them, of y: [`Winograd::scratch`] words. [`W`] are transformed weights
+/// ([`transform`]) of the shape [`Winograd::weights`]; the other arguments are [`Conv2d`]'s.
 pub const SCRATCH: Arg = Arg(6);
 
 /// What to compute.
@@ -74,10 +76,6 @@ crate::layout::layout!(WinogradParams {
     low,
     pad0,
 });
-
-const HAS_BIAS: u32 = 1;
-const HAS_RESIDUAL: u32 = 2;
-const HAS_RESIDUAL2: u32 = 4;
 
 /// Channels, as the harmonic mean of those in and out, from which on this is faster than the sum over taps: the product takes time
 /// by their product, the transforms by their sum.
@@ -176,15 +174,14 @@ impl Winograd {
     fn passes(
         &self,
         (tile0, tiles): (u64, u64),
-        (x, x_rest): (crate::dispatch::Window, u32),
-        maps: &dyn Fn(Arg) -> (crate::dispatch::Window, u32),
+        (x, x_rest): (Window, u32),
+        maps: &dyn Fn(Arg) -> (Window, u32),
         out: &mut Vec<Dispatch>,
     ) {
         let conv = &self.conv;
         let ([across, down], [ho, wo]) = (self.grid(), conv.output());
         let (ci, co) = (u64::from(conv.ci), u64::from(conv.weights.n));
         let (y, y_rest) = maps(Y);
-        let set = |on: bool, flag: u32| if on { flag } else { 0 };
         let row_tiles = tiles.div_ceil(ROWS);
         let one = PackedWeights { k: conv.ci, ..conv.weights };
         let params = WinogradParams {
@@ -205,8 +202,8 @@ impl Winograd {
             blocks: conv.weights.blocks(),
             group: one.row_group(row_tiles, ROWS * ci * 4),
             act: conv.act as u32,
-            flags: set(conv.bias, HAS_BIAS) | set(conv.residual, HAS_RESIDUAL) | set(conv.residual2, HAS_RESIDUAL2),
-            low: if conv.relu_input { 0.0 } else { f32::NEG_INFINITY },
+            flags: conv.flags(),
+            low: conv.low(),
             pad0: 0,
         };
         let same = |arg: Arg, there: bool| if there { maps(arg).0 } else { Arg::ABSENT.into() };
