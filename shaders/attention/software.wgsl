@@ -2,9 +2,10 @@
 //
 // A workgroup is one subgroup of 8 lanes and owns $TM queries of one head, the last one of a dispatch what is
 // left; keys go by in blocks of 32. For the scores lane j owns keys 4j..4j+4 of the block, for the sums the
-// channels 4j..4j+4 of each 32; queries and weights reach the other lanes by shuffles. k and v come through
-// 64 KiB uniform windows, the only gather a software rasteriser does without branches. No workgroup memory, no
-// barrier.
+// channels 4j..4j+4 of each 32. While scores are summed, s_i of lane j belongs to row i ^ j (of 8): exclusive-or
+// shuffles of q are cheaper than broadcasts (lib/product_step), and a lane keeps the maximum and the sum of one row
+// in 8. "Rows in order" then gives s_i of all lanes to row i. k and v come through 64 KiB uniform windows, the only
+// gather a software rasteriser does without branches. No workgroup memory, no barrier.
 #import attention_params
 #import grid
 #import quad
@@ -14,6 +15,14 @@
 @group(0) @binding(3) var<uniform> v: array<Quad, 4096>;
 @group(0) @binding(4) var<storage, read_write> out: array<Quad>;
 @group(0) @binding(5) var<storage, read_write> state: array<vec2<f32>>;
+
+fn top4(v: vec4<f32>) -> f32 {
+    return max(max(v.x, v.y), max(v.z, v.w));
+}
+
+fn sum4(v: vec4<f32>) -> f32 {
+    return (v.x + v.y) + (v.z + v.w);
+}
 
 @compute @workgroup_size(8)
 fn main(
@@ -32,34 +41,37 @@ fn main(
     }
     let row = row_of(i, query);
     let d4 = p.head_dim / 4u;
+#for r in 0..${TM/8}
+    // Of row r * 8 + lane: the largest score, the sum of the weights, where its query lies.
+    var m$r = NEVER;
+    var l$r = 0.0;
+    let q$r = (row + ${r*8}u + lane) * ${DP/4}u;
+#end
 #for t in 0..$TM
-    var m$t = NEVER;
-    var l$t = 0.0;
 #for v in 0..${DP/32}
     var o${t}_$v = vec4<f32>(0.0);
 #end
 #end
     if ((p.flags & FIRST) == 0u) {
-#for t in 0..$TM
-        {
-            let before = state[row + ${t}u];
-            m$t = before.x;
-            // Lanes hold partial sums: the first takes over the whole.
-            l$t = select(0.0, before.y, lane == 0u);
-            if (query + ${t}u < q_end) {
-                let at = out_of(i, query + ${t}u) + lane;
-#for v in 0..${DP/32}
-                if (${v*8}u + lane < d4) {
-                    o${t}_$v = lib_quad(out[at + ${v*8}u]);
-                }
+#for r in 0..${TM/8}
+        let before$r = state[row + ${r*8}u + lane];
+        m$r = before$r.x;
+        l$r = before$r.y;
 #end
+#for t in 0..$TM
+        if (query + ${t}u < q_end) {
+            let at = out_of(i, query + ${t}u) + lane;
+#for v in 0..${DP/32}
+            if (${v*8}u + lane < d4) {
+                o${t}_$v = lib_quad(out[at + ${v*8}u]);
             }
+#end
         }
 #end
     }
-#for r in 0..${TM/8}
-    let q$r = (row + ${r*8}u + lane) * ${DP/4}u;
-#end
+    let bit0 = (lane & 1u) != 0u;
+    let bit1 = (lane & 2u) != 0u;
+    let bit2 = (lane & 4u) != 0u;
     let kv = i * p.kv_pad * ${DP/4}u + lane;
     for (var block = 0u; block < p.keys / 32u; block++) {
 #for t in 0..$TM
@@ -76,7 +88,7 @@ fn main(
 #for r in 0..${TM/8}
 #for j in 0..8
 #for c in 0..4
-            s${r*8+j} = fma(vec4<f32>(subgroupShuffle(a$r[$c], ${j}u)), k$c, s${r*8+j});
+            s${r*8+j} = fma(vec4<f32>(subgroupShuffleXor(a$r[$c], ${j}u)), k$c, s${r*8+j});
 #end
 #end
 #end
@@ -84,20 +96,46 @@ fn main(
         }
         let key = vec4<u32>(p.key0 + block * 32u + lane * 4u) + vec4<u32>(0u, 1u, 2u, 3u);
         let absent = select(vec4<f32>(0.0), vec4<f32>(NEVER), key >= vec4<u32>(p.nk));
-#for t in 0..$TM
+#for r in 0..${TM/8}
         {
-            s$t += absent;
-            var top = max(max(s$t.x, s$t.y), max(s$t.z, s$t.w));
-            top = max(top, subgroupShuffleXor(top, 1u));
-            top = max(top, subgroupShuffleXor(top, 2u));
-            top = max(top, subgroupShuffleXor(top, 4u));
-            let m_new = max(m$t, top);
-            let fade = exp(m$t - m_new);
-            m$t = m_new;
-            s$t = exp(s$t - vec4<f32>(m_new));
-            l$t = l$t * fade + ((s$t.x + s$t.y) + (s$t.z + s$t.w));
+            var top = m$r;
+#for j in 0..8
+            s${r*8+j} += absent;
+            top = max(top, subgroupShuffleXor(top4(s${r*8+j}), ${j}u));
+#end
+            let fade = exp(m$r - top);
+            m$r = top;
+            l$r *= fade;
+#for j in 0..8
+            s${r*8+j} = exp(s${r*8+j} - vec4<f32>(subgroupShuffleXor(top, ${j}u)));
+            l$r += subgroupShuffleXor(sum4(s${r*8+j}), ${j}u);
+#end
+            // Rows in order: exchange s_i and s_(i ^ b) in the lanes with bit b, for each b.
+#for c in 0..4
+            {
+#for h in 0..4
+                let e${h*2} = select(s${r*8+h*2}[$c], s${r*8+h*2+1}[$c], bit0);
+                let e${h*2+1} = select(s${r*8+h*2+1}[$c], s${r*8+h*2}[$c], bit0);
+#end
+#for g in 0..2
+#for h in 0..2
+                let f${g*4+h} = select(e${g*4+h}, e${g*4+h+2}, bit1);
+                let f${g*4+h+2} = select(e${g*4+h+2}, e${g*4+h}, bit1);
+#end
+#end
+#for h in 0..4
+                s${r*8+h}[$c] = select(f$h, f${h+4}, bit2);
+                s${r*8+h+4}[$c] = select(f${h+4}, f$h, bit2);
+#end
+            }
+#end
+#for j in 0..8
+            {
+                let fade_j = subgroupShuffle(fade, ${j}u);
 #for v in 0..${DP/32}
-            o${t}_$v *= fade;
+                o${r*8+j}_$v *= fade_j;
+#end
+            }
 #end
         }
 #end
@@ -123,26 +161,23 @@ fn main(
 #end
         }
     }
-#for t in 0..$TM
+#for r in 0..${TM/8}
+    let scale$r = select(1.0, 1.0 / l$r, (p.flags & LAST) != 0u);
+    if ((p.flags & LAST) == 0u && query + ${r*8}u + lane < q_end) {
+        state[row + ${r*8}u + lane] = vec2<f32>(m$r, l$r);
+    }
+#for j in 0..8
     {
-        var l = l$t;
-        l += subgroupShuffleXor(l, 1u);
-        l += subgroupShuffleXor(l, 2u);
-        l += subgroupShuffleXor(l, 4u);
-        var scale = 1.0;
-        if ((p.flags & LAST) != 0u) {
-            scale = 1.0 / l;
-        } else if (lane == 0u && query + ${t}u < q_end) {
-            state[row + ${t}u] = vec2<f32>(m$t, l);
-        }
-        if (query + ${t}u < q_end) {
-            let at = out_of(i, query + ${t}u) + lane;
+        let scale = subgroupShuffle(scale$r, ${j}u);
+        if (query + ${r*8+j}u < q_end) {
+            let at = out_of(i, query + ${r*8+j}u) + lane;
 #for v in 0..${DP/32}
             if (${v*8}u + lane < d4) {
-                out[at + ${v*8}u] = lib_to_quad(o${t}_$v * scale);
+                out[at + ${v*8}u] = lib_to_quad(o${r*8+j}_$v * scale);
             }
 #end
         }
     }
+#end
 #end
 }

@@ -2,8 +2,8 @@
 //
 // Implicit matrix product: a workgroup is one subgroup of 8 lanes and owns $TM pixels x 32 channels of y;
 // a lane owns 4 channels (one vec4). For 4 input channels at a time, lane j loads x of pixel j as one
-// vec4 and the values reach the other lanes by constant shuffles. No workgroup memory, no barrier. Needs ci
-// and co to be multiples of 4. Sums run over k in order.
+// vec4 and the values reach the other lanes by exclusive-or shuffles: lane l sums pixels in the order i ^ l
+// (lib/product_step). No workgroup memory, no barrier. Needs ci and co to be multiples of 4. Sums run over k in order.
 #import conv2d_params
 #import grid
 #import tile_walk
@@ -65,6 +65,6 @@ fn main(
     let n4 = p.n0 / 4u + block * 8u + lane;
     let added = lib_bias(n4);
 #for i in 0..$TM
-    finish(c$i, pixel + ${i}u, n4, added);
+    finish(c$i, pixel + (${i}u ^ lane), n4, added);
 #end
 }

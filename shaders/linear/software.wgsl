@@ -2,8 +2,8 @@
 //
 // A workgroup is one subgroup of 8 lanes and owns $TM rows x 32 columns; a lane owns 4 columns (one
 // vec4). For 4 k at a time, lane j loads x of row j as one vec4, and the values reach the other lanes
-// by constant shuffles. No workgroup memory, no barrier. Needs k and n to be multiples of 4.
-// Sums run over k in order.
+// by exclusive-or shuffles: lane l sums rows in the order i ^ l (lib/product_step). No workgroup memory, no barrier.
+// Needs k and n to be multiples of 4. Sums run over k in order.
 #import linear_params
 #import grid
 #import tile_walk
@@ -70,6 +70,6 @@ fn main(
         }
     }
 #for i in 0..$TM
-    finish(c$i, row0 + ${i}u, n4, added, scaled);
+    finish(c$i, row0 + (${i}u ^ lane), n4, added, scaled);
 #end
 }

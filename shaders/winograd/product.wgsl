@@ -48,8 +48,8 @@ fn main(
     let to = (q * p.stride + row0) * width + n4;
     if (n4 < width) {
 #for i in 0..$TM
-        if (row0 + ${i}u < p.tiles) {
-            m[to + ${i}u * width] = lib_to_quad(c$i);
+        if (row0 + (${i}u ^ lane) < p.tiles) {
+            m[to + (${i}u ^ lane) * width] = lib_to_quad(c$i);
         }
 #end
     }
