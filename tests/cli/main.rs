@@ -7,6 +7,7 @@ mod bad_weights;
 mod commands;
 mod common;
 mod device_lost;
+mod hand_out;
 mod happy;
 mod interrupted;
 mod limits;

@@ -164,8 +164,8 @@ impl Executable {
         self.program.encode(&mut pass, 0..self.program.len());
     }
 
-    /// Runs in submissions of moderate length and waits; `progress` hears operations done and in all between them
-    /// and may break off.
+    /// Runs in submissions of moderate length and waits. After each, `progress` hears the operations submitted so far and all of
+    /// the run, and may break off; the device then has work, so what the host does there costs no time of its own.
     ///
     /// # Errors
     /// When the device is lost or `progress` broke off ([`GraphError::Interrupted`]).
@@ -189,7 +189,7 @@ impl Executable {
             let submitted = self.gpu.queue.submit([encoder.finish()]);
             // One submission stays in flight while the next is recorded.
             if let Some(index) = previous.replace(submitted) {
-                self.wait_for(index)?;
+                self.gpu.wait_for(index)?;
             }
             done += flops;
             if progress(done.min(total), total).is_break() {
@@ -200,13 +200,6 @@ impl Executable {
             flops = 0;
         }
         Ok(self.gpu.wait()?)
-    }
-
-    fn wait_for(&self, index: wgpu::SubmissionIndex) -> Result<(), GraphError> {
-        let polled = self.gpu.device.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: None });
-        self.gpu.check_lost()?;
-        polled.map_err(|e| omnix_kernels::KernelError::DeviceLost { message: e.to_string() })?;
-        Ok(())
     }
 
     /// The device it runs on.

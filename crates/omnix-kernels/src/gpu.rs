@@ -80,7 +80,19 @@ impl Gpu {
     /// # Errors
     /// [`KernelError::DeviceLost`].
     pub fn wait(&self) -> Result<(), KernelError> {
-        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.poll(wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Waits until a submission has run; later ones go on.
+    ///
+    /// # Errors
+    /// [`KernelError::DeviceLost`].
+    pub fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), KernelError> {
+        self.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
+    }
+
+    fn poll(&self, until: wgpu::PollType) -> Result<(), KernelError> {
+        let polled = self.device.poll(until);
         self.check_lost()?;
         polled.map_err(|error| KernelError::DeviceLost { message: error.to_string() })?;
         Ok(())

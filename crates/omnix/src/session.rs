@@ -1,6 +1,7 @@
 //! A run on a device: images in, then results image by image, then the field that trajectories are evaluated from.
 
 mod motion;
+mod readback;
 mod stages;
 mod upload;
 
@@ -17,6 +18,7 @@ use crate::field::Field;
 use crate::plan::RunPlan;
 use crate::progress::Progress;
 use crate::weights::Weights;
+use readback::{HandOut, Resident, Results};
 use upload::{Stage, StageWeights};
 
 /// What was found out about one image.
@@ -134,8 +136,9 @@ impl Session {
         Ok(())
     }
 
-    /// Runs the network and hands each image's results to `each`, in order, as soon as they exist; then makes the field, if
-    /// the request asks for motion. What `each` was given is finished whatever happens later.
+    /// Runs the network and hands each image's results to `each`, in order, while the device computes the next images; then
+    /// makes the field, if the request asks for motion. What `each` was given is finished whatever happens later, and what
+    /// was computed when `progress` breaks off is still given.
     ///
     /// # Errors
     /// When the device fails, `progress` broke off ([`OmnixError::Interrupted`]), or `each` did.
@@ -145,17 +148,8 @@ impl Session {
         each: &mut dyn FnMut(FrameGeometry) -> Result<(), OmnixError>,
     ) -> Result<Option<Field>, OmnixError> {
         let gpu = self.engine.gpu().clone();
-        self.run_resident(progress, &mut |frame| {
-            let read = |slice: &BufferSlice| omnix_kernels::run::read::<f32>(&gpu, slice);
-            let rays = frame.rays.as_ref().map(|(ray, conf)| Ok::<_, OmnixError>((read(ray)?, read(conf)?)));
-            each(FrameGeometry {
-                index: frame.index,
-                depth: read(&frame.depth)?.into_iter().map(|d| d * frame.depth_scale).collect(),
-                confidence: read(&frame.confidence)?,
-                camera: frame.camera,
-                rays: rays.transpose()?,
-            })
-        })
+        let mut results = HandOut::new(&gpu, self.plan.head_images, each);
+        self.run_stages(progress, &mut results)
     }
 
     /// As [`Session::run`], with results that stay on the device: nothing is read back but the cameras, a few numbers. What
@@ -168,9 +162,13 @@ impl Session {
         progress: Listener<'_>,
         each: &mut dyn FnMut(ResidentGeometry) -> Result<(), OmnixError>,
     ) -> Result<Option<Field>, OmnixError> {
+        self.run_stages(progress, &mut Resident(each))
+    }
+
+    fn run_stages(&mut self, progress: Listener<'_>, results: &mut dyn Results) -> Result<Option<Field>, OmnixError> {
         let kept = self.run_backbone(progress)?;
         let mut motion = self.start_motion()?;
-        self.run_head(&kept, motion.as_mut(), progress, each)?;
+        self.run_head(&kept, motion.as_mut(), progress, results)?;
         match motion {
             Some(motion) => self.run_motion(kept, motion, progress).map(Some),
             None => Ok(None),

@@ -1,11 +1,14 @@
 //! The stages that make geometry: the backbone over all images, then the head a few images at a time.
 
+use std::ops::ControlFlow;
+
 use omnix_geometry::{Camera, align_cameras, decode_pose_code, encode_pose_code, normalise_extrinsics};
-use omnix_graph::Executable;
 use omnix_graph::exec::Bindings;
+use omnix_graph::{Executable, GraphError};
 use omnix_kernels::BufferSlice;
 
 use super::motion::Making;
+use super::readback::Results;
 use super::upload::Stage;
 use super::{Listener, ResidentGeometry, Session};
 use crate::error::OmnixError;
@@ -54,13 +57,13 @@ impl Session {
         Ok(Kept { features, cameras, depth_scale })
     }
 
-    /// Each image's geometry to `each`, and what motion needs of it to `motion`.
+    /// Each image's geometry to `results`, and what motion needs of it to `motion`.
     pub(super) fn run_head(
         &mut self,
         kept: &Kept,
         mut motion: Option<&mut Making>,
         progress: Listener<'_>,
-        each: &mut dyn FnMut(ResidentGeometry) -> Result<(), OmnixError>,
+        results: &mut dyn Results,
     ) -> Result<(), OmnixError> {
         let (images, step) = (self.plan.request.images, self.plan.head_images);
         let store = self.weights.stage(Stage::Head, &self.plan, progress)?;
@@ -73,14 +76,26 @@ impl Session {
                 motion.fill_head(&head, &kept.cameras, first, count)?;
             }
             let before = head.plan().flops() * (first / step) as u64;
-            head.run(&mut |done, _| progress(Progress { phase: Phase::Head, done: before + done, total }))?;
+            let mut handed_out = Ok(());
+            let ran = head.run(&mut |done, _| {
+                handed_out = results.between();
+                if handed_out.is_err() {
+                    return ControlFlow::Break(());
+                }
+                progress(Progress { phase: Phase::Head, done: before + done, total })
+            });
+            handed_out?;
+            if matches!(ran, Err(GraphError::Interrupted)) {
+                results.finish()?;
+            }
+            ran?;
             for i in 0..count {
                 let part = |name: &str| part(&head, name, i, step);
                 if let Some(motion) = &mut motion {
                     motion.take_head(first + i, &part)?;
                 }
                 let rays = if self.plan.request.rays { Some((part("ray")?, part("ray_conf")?)) } else { None };
-                each(ResidentGeometry {
+                results.done(ResidentGeometry {
                     index: first + i,
                     depth: part("depth")?,
                     confidence: part("depth_conf")?,
@@ -91,7 +106,7 @@ impl Session {
                 })?;
             }
         }
-        Ok(())
+        results.finish()
     }
 
     /// Copies the features of images `first..first + count` into the inputs of a stage over a few images.

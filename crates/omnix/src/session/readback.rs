@@ -1,0 +1,105 @@
+//! Results on their way to the host: copied as soon as an image is done, handed out while the device computes the next.
+
+use std::collections::VecDeque;
+
+use omnix_geometry::Camera;
+use omnix_kernels::run::Readback;
+use omnix_kernels::{BufferSlice, Gpu};
+
+use super::{FrameGeometry, ResidentGeometry};
+use crate::error::OmnixError;
+
+/// What takes the head's results.
+pub(super) trait Results {
+    /// An image is done. What is submitted later overwrites its buffers.
+    fn done(&mut self, image: ResidentGeometry) -> Result<(), OmnixError>;
+
+    /// The device has work: time for the host's.
+    fn between(&mut self) -> Result<(), OmnixError> {
+        Ok(())
+    }
+
+    /// No image follows.
+    fn finish(&mut self) -> Result<(), OmnixError> {
+        Ok(())
+    }
+}
+
+/// Hands results out where they are.
+pub(super) struct Resident<'a>(pub(super) &'a mut dyn FnMut(ResidentGeometry) -> Result<(), OmnixError>);
+
+impl Results for Resident<'_> {
+    fn done(&mut self, image: ResidentGeometry) -> Result<(), OmnixError> {
+        (self.0)(image)
+    }
+}
+
+type Each<'a> = &'a mut dyn FnMut(FrameGeometry) -> Result<(), OmnixError>;
+
+/// Reads results back. At most one chunk of images waits here; their staging memory is part of the plan.
+pub(super) struct HandOut<'a> {
+    gpu: Gpu,
+    /// Images of a chunk.
+    most: usize,
+    waiting: VecDeque<Copied>,
+    each: Each<'a>,
+}
+
+/// An image's results in staging memory.
+struct Copied {
+    index: usize,
+    depth: Readback,
+    confidence: Readback,
+    camera: Camera,
+    depth_scale: f32,
+    rays: Option<(Readback, Readback)>,
+}
+
+impl<'a> HandOut<'a> {
+    pub(super) fn new(gpu: &Gpu, most: usize, each: Each<'a>) -> Self {
+        Self { gpu: gpu.clone(), most, waiting: VecDeque::with_capacity(most), each }
+    }
+
+    fn hand_out(&mut self) -> Result<(), OmnixError> {
+        let Some(image) = self.waiting.pop_front() else { return Ok(()) };
+        let read = |copy: Readback| copy.finish::<f32>(&self.gpu);
+        let rays = image.rays.map(|(ray, conf)| Ok::<_, OmnixError>((read(ray)?, read(conf)?))).transpose()?;
+        (self.each)(FrameGeometry {
+            index: image.index,
+            depth: read(image.depth)?.into_iter().map(|d| d * image.depth_scale).collect(),
+            confidence: read(image.confidence)?,
+            camera: image.camera,
+            rays,
+        })
+    }
+}
+
+impl Results for HandOut<'_> {
+    fn done(&mut self, image: ResidentGeometry) -> Result<(), OmnixError> {
+        if self.waiting.len() == self.most {
+            self.hand_out()?;
+        }
+        let copy = |slice: &BufferSlice| Readback::start(&self.gpu, slice);
+        let rays = image.rays.as_ref().map(|(ray, conf)| Ok::<_, OmnixError>((copy(ray)?, copy(conf)?)));
+        self.waiting.push_back(Copied {
+            index: image.index,
+            depth: copy(&image.depth)?,
+            confidence: copy(&image.confidence)?,
+            camera: image.camera,
+            depth_scale: image.depth_scale,
+            rays: rays.transpose()?,
+        });
+        Ok(())
+    }
+
+    fn between(&mut self) -> Result<(), OmnixError> {
+        self.hand_out()
+    }
+
+    fn finish(&mut self) -> Result<(), OmnixError> {
+        while !self.waiting.is_empty() {
+            self.hand_out()?;
+        }
+        Ok(())
+    }
+}
