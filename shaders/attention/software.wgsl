@@ -105,11 +105,13 @@ fn main(
 #end
             let fade = exp(m$r - top);
             m$r = top;
-            l$r *= fade;
 #for j in 0..8
             s${r*8+j} = exp(s${r*8+j} - vec4<f32>(subgroupShuffleXor(top, ${j}u)));
-            l$r += subgroupShuffleXor(sum4(s${r*8+j}), ${j}u);
+            let part$j = subgroupShuffleXor(sum4(s${r*8+j}), ${j}u);
 #end
+            // Lane l has the parts in the order j ^ l. Added in pairs they give the same bits in every order of that kind, so a
+            // row's sum does not depend on its place in the tile.
+            l$r = l$r * fade + (((part0 + part1) + (part2 + part3)) + ((part4 + part5) + (part6 + part7)));
             // Rows in order: exchange s_i and s_(i ^ b) in the lanes with bit b, for each b.
 #for c in 0..4
             {
