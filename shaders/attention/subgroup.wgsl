@@ -14,9 +14,6 @@
 // ${DP/4*Q+16*Q+40} registers: at 64 channels 104, 576 invocations a 64 K-register unit, at 128 channels 88.
 // Workgroup memory ${DP*128} bytes, half of it with HALF: up to 16 KiB, so with wide heads it, not registers, bounds the number
 // of workgroups, and HALF doubles it. HALF's conversions (two vec4 a read) are free or cheap where f16 is fast.
-// Cooperative matrices were left out: scores leave them for the softmax and weights enter again through workgroup memory,
-// which with 64 queries takes 64 * 16 * 6 bytes beside 64 * $DP * 2 of queries and 64 * $DP * 4 of sums to rescale: 30 KiB at
-// 64 channels, 54 at 128, above WebGPU's 16; 16 queries fit and then read keys four times as often.
 #if HALF
 enable f16;
 #endif

@@ -12,15 +12,26 @@ alias CoopNumber = f32;
 #endif
 
 #if LANES
-// Where an operand starts in its array, and the distance of its rows.
-alias CoopA = vec2<u32>;
+// All of the left operand, which importers keep; of the right one where it starts in its array and the distance of its rows.
+alias CoopA = array<CoopNumber, ${T*T}>;
 alias CoopB = vec2<u32>;
 alias CoopC = array<f32, ${T*T/LANES}>;
 
 var<private> coop_lane: u32;
+// $T, by a way the compiler cannot see: with constant bounds drivers unroll the loops and compile for minutes.
+var<private> coop_t: u32;
+
+fn coop_enter(index: u32, groups: u32) {
+    coop_lane = index % ${LANES}u;
+    coop_t = min(groups, 1u) * ${T}u;
+}
 
 fn coop_a(at: u32, stride: u32) -> CoopA {
-    return vec2<u32>(at, stride);
+    var a: CoopA;
+    for (var e = 0u; e < coop_t * ${T}u; e++) {
+        a[e] = xs[at + e / ${T}u * stride + e % ${T}u];
+    }
+    return a;
 }
 
 fn coop_b(at: u32, stride: u32) -> CoopB {
@@ -32,19 +43,28 @@ fn coop_zero() -> CoopC {
 }
 
 fn coop_fma(a: CoopA, b: CoopB, c: CoopC) -> CoopC {
+    var left = a;
     var sum = c;
-    for (var e = 0u; e < ${T*T/LANES}u; e++) {
+    for (var e = 0u; e < coop_t * ${T}u / ${LANES}u; e++) {
         let element = e * ${LANES}u + coop_lane;
-        for (var k = 0u; k < ${T}u; k++) {
-            sum[e] = fma(f32(xs[a.x + element / ${T}u * a.y + k]), f32(ws[b.x + k * b.y + element % ${T}u]), sum[e]);
+        for (var k = 0u; k < coop_t; k++) {
+            sum[e] = fma(f32(left[element / ${T}u * ${T}u + k]), f32(ws[b.x + k * b.y + element % ${T}u]), sum[e]);
         }
     }
     return sum;
 }
 
+fn coop_c(at: u32) -> CoopC {
+    var c: CoopC;
+    for (var e = 0u; e < coop_t * ${T}u / ${LANES}u; e++) {
+        c[e] = cs[at + e * ${LANES}u + coop_lane];
+    }
+    return c;
+}
+
 fn coop_store(c: CoopC, at: u32) {
     var elements = c;
-    for (var e = 0u; e < ${T*T/LANES}u; e++) {
+    for (var e = 0u; e < coop_t * ${T}u / ${LANES}u; e++) {
         cs[at + e * ${LANES}u + coop_lane] = elements[e];
     }
 }
@@ -68,6 +88,11 @@ fn coop_zero() -> CoopC {
 
 fn coop_fma(a: CoopA, b: CoopB, c: CoopC) -> CoopC {
     return coopMultiplyAdd(a, b, c);
+}
+
+// Sums that coop_store left.
+fn coop_c(at: u32) -> CoopC {
+    return coopLoadT<CoopC>(&cs[at], ${T}u);
 }
 
 fn coop_store(c: CoopC, at: u32) {

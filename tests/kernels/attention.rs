@@ -1,10 +1,14 @@
 //! `attention` against its oracle.
 
 use omnix_kernels::attention::{Attention, OUT};
+use omnix_kernels::caps::Cooperative;
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::split_heads::padded;
-use omnix_kernels::{Caps, Gpu, KernelError, cpu};
+use omnix_kernels::{Caps, Dispatch, Gpu, KernelError, Tier, cpu};
+use omnix_shaders::attention as shaders;
 use omnix_tests::{Rng, as_f16, assert_close, families, family, relative_error, rounds, with_max_binding};
+
+type Change<'a> = &'a dyn Fn(&mut Dispatch);
 
 const fn spec(groups: u32, heads: u32, head_dim: u32, nq: u32, nk: u32) -> Attention {
     Attention { groups, heads, head_dim, nq, nk }
@@ -40,6 +44,11 @@ fn inputs(spec: &Attention, spread: f32) -> Inputs {
 }
 
 fn compute(gpu: &Gpu, spec: &Attention, inputs: &Inputs) -> Vec<f32> {
+    compute_by(gpu, spec, inputs, &|_| ())
+}
+
+/// With every dispatch changed by `change`.
+fn compute_by(gpu: &Gpu, spec: &Attention, inputs: &Inputs, change: Change<'_>) -> Vec<f32> {
     let (heads, d) = ((spec.groups * spec.heads) as usize, spec.head_dim as usize);
     let q = pad(&inputs.q, heads, spec.nq as usize, d, false);
     let k = pad(&inputs.k, heads, spec.nk as usize, d, true);
@@ -53,17 +62,36 @@ fn compute(gpu: &Gpu, spec: &Attention, inputs: &Inputs) -> Vec<f32> {
         HostArg::Out(spec.out_words() as usize),
         HostArg::Out(state),
     ];
-    run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(OUT.0)).expect("runs")
+    let mut dispatches = spec.record(&gpu.caps).expect("records");
+    dispatches.iter_mut().for_each(change);
+    run(gpu, &dispatches, &args, usize::from(OUT.0)).expect("runs")
+}
+
+/// The inputs as the variant's operands hold them.
+fn rounded(gpu: &Gpu, mut inputs: Inputs) -> Inputs {
+    if rounds(gpu) {
+        (inputs.k, inputs.v) = (as_f16(&inputs.k), as_f16(&inputs.v));
+        if gpu.caps.cooperative.f16_16 {
+            inputs.q = as_f16(&inputs.q);
+        }
+    }
+    inputs
+}
+
+/// Sums are f32; matrix units round them in their own way, and take weights as f16.
+fn bound(gpu: &Gpu) -> f64 {
+    match gpu.caps.cooperative {
+        Cooperative { f16_16: true, .. } if rounds(gpu) => 1e-3,
+        Cooperative { f32_8: true, .. } if gpu.caps.tier == Tier::Gpu => 1e-5,
+        _ => 3e-6,
+    }
 }
 
 fn case(gpu: &Gpu, spec: &Attention, spread: f32) {
-    let mut inputs = inputs(spec, spread);
-    if rounds(gpu) {
-        (inputs.k, inputs.v) = (as_f16(&inputs.k), as_f16(&inputs.v));
-    }
+    let inputs = rounded(gpu, inputs(spec, spread));
     let got = compute(gpu, spec, &inputs);
     let want = cpu::attention(spec, &inputs.q, &inputs.k, &inputs.v);
-    assert_close(&format!("{} {spec:?} spread {spread}", family(gpu)), &got, &want, 3e-6);
+    assert_close(&format!("{} {spec:?} spread {spread}", family(gpu)), &got, &want, bound(gpu));
 }
 
 #[test]
@@ -84,6 +112,62 @@ fn f16_keys_and_values_cost_their_rounding() {
         let error = relative_error(&compute(gpu, &spec, &inputs), &want);
         assert!((1e-5..1e-3).contains(&error), "{error:.1e}");
     }
+}
+
+/// Runs `test` for a device as one with cooperative matrices would be, with a head width and the stand-in of the variant that is
+/// chosen for it.
+fn through_stand_ins(test: &dyn Fn(&Gpu, u32, Change<'_>)) {
+    let gpu = omnix_tests::gpu();
+    if gpu.caps.subgroup.is_none() {
+        return;
+    }
+    let products = Cooperative { f16_16: true, f32_8: true };
+    let caps = gpu.caps.clone().with_tier(Tier::Gpu).with_subgroup(Some([32, 32])).with_cooperative(products);
+    let mut stand_ins = vec![("cooperative_8_32", &shaders::STAND_IN_8_16, 24)];
+    if gpu.caps.f16 {
+        stand_ins.push(("cooperative_16_32", &shaders::STAND_IN_16_64, 24));
+    }
+    for (chosen, stand_in, head_dim) in stand_ins {
+        let gpu = gpu.with_caps(caps.clone().with_f16(chosen.starts_with("cooperative_16")));
+        test(&gpu, head_dim, &|dispatch| {
+            assert_eq!(dispatch.shader.variant, chosen);
+            dispatch.shader = stand_in;
+        });
+    }
+}
+
+/// One test, since a stand-in takes half a minute to compile.
+#[test]
+fn cooperative_matrices_do_as_the_others_through_their_stand_ins() {
+    through_stand_ins(&|gpu, head_dim, change| {
+        // One; odd; around a strip, a workgroup, a step of keys; sharp distributions: the maximum moves.
+        for (nq, nk, spread) in [(1, 1, 1.0), (17, 7, 1.0), (65, 33, 1.0), (70, 100, 1.0), (20, 130, 40.0)] {
+            let spec = spec(1, 2, head_dim, nq, nk);
+            let inputs = rounded(gpu, inputs(&spec, spread));
+            let want = cpu::attention(&spec, &inputs.q, &inputs.k, &inputs.v);
+            let got = compute_by(gpu, &spec, &inputs, change);
+            assert_close(&format!("{} {spec:?} spread {spread}", family(gpu)), &got, &want, bound(gpu));
+        }
+        let spec = spec(1, 2, head_dim, 40, 140);
+        let mut inputs = inputs(&spec, 3.0);
+        let whole = compute_by(gpu, &spec, &inputs, change);
+        let small = with_max_binding(gpu, 16_384);
+        assert!(small.caps.max_binding < spec.kv_words() * 4 / u64::from(spec.heads), "several windows a head");
+        assert_eq!(whole, compute_by(&small, &spec, &inputs, change), "{head_dim}: windows");
+        // A row whose maximum grows often rescales the sums of its neighbours by 1; one that is not finite stays alone.
+        let (row, d) = (9 * head_dim as usize, head_dim as usize);
+        for spoil in [30.0, f32::NAN] {
+            inputs.q[row..row + d].iter_mut().for_each(|q| *q *= spoil);
+            let got = compute_by(gpu, &spec, &inputs, change);
+            for (at, (got, whole)) in got.iter().zip(&whole).enumerate() {
+                if at / (2 * d) != 9 || at % (2 * d) >= d {
+                    assert_eq!(got, whole, "{head_dim}: {spoil} {at}");
+                } else if spoil.is_nan() {
+                    assert!(got.is_nan(), "{head_dim}: {at}");
+                }
+            }
+        }
+    });
 }
 
 #[test]
@@ -121,6 +205,22 @@ fn splitting_at_the_binding_limit_changes_no_bit() {
 }
 
 #[test]
+fn the_place_of_a_query_changes_no_bit() {
+    for gpu in families() {
+        let whole_spec = spec(1, 2, 64, 45, 100);
+        let inputs = inputs(&whole_spec, 3.0);
+        let whole = compute(&gpu, &whole_spec, &inputs);
+        for skip in [1, 6, 30] {
+            let rest = whole_spec.nq as usize - skip;
+            let q = inputs.q.chunks(45 * 64).flat_map(|head| &head[skip * 64..]).copied().collect();
+            let later = Inputs { q, k: inputs.k.clone(), v: inputs.v.clone() };
+            let got = compute(&gpu, &spec(1, 2, 64, rest as u32, 100), &later);
+            assert_eq!(got, whole[skip * 128..], "{} {skip}", family(&gpu));
+        }
+    }
+}
+
+#[test]
 fn padding_of_keys_has_no_weight() {
     for gpu in families() {
         // All scores far below 0: a padded key (score 0) would take all the weight.
@@ -152,7 +252,7 @@ fn a_query_that_is_not_finite_stays_alone() {
 
 #[test]
 fn no_dispatch_is_too_long_and_the_last_key_counts() {
-    for caps in [Caps::baseline(), Caps::lavapipe(), Caps::baseline().with_tier(omnix_kernels::Tier::Gpu)] {
+    for caps in [Caps::baseline(), Caps::lavapipe(), Caps::baseline().with_tier(Tier::Gpu)] {
         let spec = spec(1, 16, 64, 100_000, 100_000);
         let dispatches = spec.record(&caps).expect("records");
         let least = spec.flops() / 20_000_000_000;

@@ -304,10 +304,17 @@ impl Attention {
 
     fn shader(&self, caps: &Caps) -> &'static Shader {
         use shaders as s;
+        let products = caps.products();
         let of = |variants: [&'static Shader; 4]| variants[padded(self.head_dim) as usize / 32 - 1];
         match caps.tier {
             Tier::Software => of([&s::SOFTWARE_32, &s::SOFTWARE_64, &s::SOFTWARE_96, &s::SOFTWARE_128]),
             Tier::Baseline => &s::BASELINE,
+            Tier::Gpu if caps.has_quads() && products.f16_16 && caps.f16 => {
+                of([&s::COOPERATIVE_16_32, &s::COOPERATIVE_16_64, &s::COOPERATIVE_16_96, &s::COOPERATIVE_16_128])
+            }
+            Tier::Gpu if caps.has_quads() && products.f32_8 => {
+                of([&s::COOPERATIVE_8_32, &s::COOPERATIVE_8_64, &s::COOPERATIVE_8_96, &s::COOPERATIVE_8_128])
+            }
             Tier::Gpu if caps.has_quads() && caps.f16 => of([&s::F16_32, &s::F16_64, &s::F16_96, &s::F16_128]),
             Tier::Gpu if caps.has_quads() => of([&s::SUBGROUP_32, &s::SUBGROUP_64, &s::SUBGROUP_96, &s::SUBGROUP_128]),
             Tier::Gpu => of([&s::GPU_32, &s::GPU_64, &s::GPU_96, &s::GPU_128]),
