@@ -10,6 +10,9 @@
 const HAS_BIAS: u32 = 1u;
 const HAS_GAMMA: u32 = 2u;
 const HAS_RESIDUAL: u32 = 4u;
+// Uniform windows: the sums go on from what y holds; y gets sums that are not finished.
+const GO_ON: u32 = 8u;
+const PARTIAL: u32 = 16u;
 
 struct Params {
     m: u32,
@@ -25,9 +28,10 @@ struct Params {
     k_packed: u32,
     // Row tiles that go by a column block before the next one (software variant).
     group: u32,
+    // First k of this dispatch and how many: all but where weights come through uniform windows.
+    k0: u32,
+    k_len: u32,
     pad0: u32,
-    pad1: u32,
-    pad2: u32,
 }
 
 @group(0) @binding(0) var<uniform> p: Params;

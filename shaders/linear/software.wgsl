@@ -4,13 +4,21 @@
 // vec4). For 4 k at a time, lane j loads x of row j as one vec4, and the values reach the other lanes
 // by exclusive-or shuffles: lane l sums rows in the order i ^ l (lib/product_step). No workgroup memory, no barrier.
 // Needs k and n to be multiples of 4. Sums run over k in order.
+//
+// WINDOWS takes w through 64 KiB uniform windows, a dispatch each: a load from one is 3 or 4 instructions a lane without
+// a branch, for 18 from storage. With 16 vector registers and a smaller store of decoded instructions that makes up for the
+// dispatches; with AVX-512 it does not (BENCHMARKS.md).
 #import linear_params
 #import grid
 #import tile_walk
 #import quad
 
 @group(0) @binding(1) var<storage, read> x: array<Quad>;
+#if WINDOWS
+@group(0) @binding(2) var<uniform> w: array<Quad, 4096>;
+#else
 @group(0) @binding(2) var<storage, read> w: array<Quad>;
+#endif
 @group(0) @binding(3) var<storage, read> bias: array<Quad>;
 @group(0) @binding(4) var<storage, read> gamma: array<Quad>;
 @group(0) @binding(5) var<storage, read> residual: array<Quad>;
@@ -22,6 +30,12 @@ fn finish(sum: vec4<f32>, row: u32, n4: u32, added: vec4<f32>, scaled: vec4<f32>
         return;
     }
     let at = row * (p.n / 4u) + n4;
+#if WINDOWS
+    if ((p.flags & PARTIAL) != 0u) {
+        y[at] = lib_to_quad(sum);
+        return;
+    }
+#endif
     var v = lib_activate(lib_scaled(sum, n4 * 4u) + added, p.act) * scaled;
     if ((p.flags & HAS_RESIDUAL) != 0u) {
         v += lib_quad(residual[at]);
@@ -45,20 +59,29 @@ fn main(
     let k4 = p.k / 4u;
 #for r in 0..$R
     // Rows past the end read the last row; they are not written.
-    var x$r = min(row0 + ${r*8}u + lane, p.m - 1u) * k4;
+    var x$r = min(row0 + ${r*8}u + lane, p.m - 1u) * k4 + p.k0 / 4u;
 #end
 #for i in 0..$TM
     var c$i = vec4<f32>(0.0);
 #end
+    let n4 = p.n0 / 4u + block * 8u + lane;
+#if WINDOWS
+    if ((p.flags & GO_ON) != 0u && n4 * 4u < p.n) {
+#for i in 0..$TM
+        if (row0 + (${i}u ^ lane) < p.m) {
+            c$i = lib_quad(y[(row0 + (${i}u ^ lane)) * (p.n / 4u) + n4]);
+        }
+#end
+    }
+#endif
 #import packed_start
-    for (var k = 0u; k < k4; k++) {
+    for (var k = 0u; k < p.k_len / 4u; k++) {
 #for r in 0..$R
         let a$r = lib_quad(x[x$r]);
         x$r += 1u;
 #end
 #import product_step
     }
-    let n4 = p.n0 / 4u + block * 8u + lane;
     var added = vec4<f32>(0.0);
     var scaled = vec4<f32>(1.0);
     if (n4 * 4u < p.n) {

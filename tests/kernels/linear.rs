@@ -6,6 +6,17 @@ use omnix_kernels::{Activation, Cooperative, Dispatch, Gpu, PackedWeights, Tier,
 use omnix_shaders::linear as shaders;
 use omnix_tests::{Rng, as_f16, assert_close, families, family, relative_error, rounds, with_max_binding};
 
+/// All families, and the software tiles of both kinds of processor.
+fn devices() -> Vec<Gpu> {
+    let mut devices = families();
+    let software = devices.iter().find(|gpu| gpu.caps.tier == Tier::Software).cloned();
+    devices.extend(software.map(|gpu| {
+        let other = if gpu.caps.weight_windows() { 32 } else { 16 };
+        gpu.with_caps(gpu.caps.clone().with_vector_registers(other))
+    }));
+    devices
+}
+
 /// Rows, columns, depth: one, odd, tile edges, several column blocks, several uniform windows.
 const SHAPES: &[(u32, u32, u32)] = &[
     (1, 1, 1),
@@ -80,7 +91,7 @@ fn as_int8(w: &[f32], k: usize) -> Vec<f32> {
 
 #[test]
 fn every_variant_matches_the_oracle() {
-    for gpu in families() {
+    for gpu in devices() {
         for &shape in SHAPES {
             for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
                 for (act, full) in [
@@ -104,7 +115,7 @@ fn every_variant_matches_the_oracle() {
 
 #[test]
 fn f16_operands_cost_their_rounding_and_stay_with_weights_that_are_no_better() {
-    for gpu in families().iter().filter(|gpu| rounds(gpu)) {
+    for gpu in devices().iter().filter(|gpu| rounds(gpu)) {
         for (storage, least, most) in
             [(WeightType::F32, 0.0, 2e-6), (WeightType::F16, 1e-5, 5e-4), (WeightType::I8, 1e-5, 5e-4)]
         {
@@ -157,6 +168,8 @@ fn the_variant_follows_from_facts() {
             ["cooperative_8", "cooperative_8_w16", "cooperative_8_w8"],
         ),
         (caps.with_cooperative(both), ["gpu", "gpu_w16", "gpu_w8"]),
+        (omnix_kernels::Caps::lavapipe(), ["software", "software_w16", "software_w8"]),
+        (omnix_kernels::Caps::lavapipe().with_vector_registers(16), ["windows", "windows_w16", "windows_w8"]),
     ];
     for (caps, wanted) in facts {
         let storages = [WeightType::F32, WeightType::F16, WeightType::I8];
@@ -171,7 +184,7 @@ fn the_variant_follows_from_facts() {
 
 #[test]
 fn splitting_at_the_binding_limit_changes_no_bit() {
-    for gpu in families() {
+    for gpu in devices() {
         for storage in [WeightType::F32, WeightType::I8] {
             let shape = (200, 100, 36);
             let (whole, _) = case(&gpu, shape, storage, Activation::Gelu, true);
@@ -179,6 +192,19 @@ fn splitting_at_the_binding_limit_changes_no_bit() {
             let small = with_max_binding(&gpu, 32_768);
             let (split, _) = case(&small, shape, storage, Activation::Gelu, true);
             assert_eq!(whole, split, "{} {storage:?}", family(&gpu));
+        }
+    }
+}
+
+#[test]
+fn uniform_windows_change_no_bit() {
+    let gpu = omnix_tests::gpu();
+    let forms = [32, 16].map(|registers| gpu.with_caps(gpu.caps.clone().with_vector_registers(registers)));
+    // Several windows a column block, and several column blocks a window.
+    for shape in [(70, 68, 2052), (40, 292, 36)] {
+        for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
+            let [whole, windows] = forms.each_ref().map(|gpu| case(gpu, shape, storage, Activation::Gelu, true).0);
+            assert_eq!(whole, windows, "{shape:?} {storage:?}");
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use omnix_kernels::caps::UNIFORM_WINDOW;
 use omnix_kernels::dispatch::round_up;
 use omnix_kernels::winograd::transform;
 use omnix_kernels::{BufferSlice, Gpu, WeightType};
@@ -121,9 +122,11 @@ impl WeightStore {
         let (mut done, mut unflushed) = (0, 0);
         let mut rest = distinct.as_slice();
         while !rest.is_empty() {
-            let (count, bytes) = page(rest, gpu.caps.max_buffer.min(PAGE));
-            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-            let buffer = gpu.buffer("weights", bytes, usage)?;
+            let tail = if gpu.caps.weight_windows() { UNIFORM_WINDOW } else { 0 };
+            let (count, bytes) = page(rest, gpu.caps.max_buffer.min(PAGE) - tail);
+            let windows = if tail > 0 { wgpu::BufferUsages::UNIFORM } else { wgpu::BufferUsages::empty() };
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | windows;
+            let buffer = gpu.buffer("weights", bytes + tail, usage)?;
             store.bytes += buffer.size();
             let mut offset = 0;
             for key in &rest[..count] {

@@ -43,6 +43,8 @@ pub struct Caps {
     pub subgroup: Option<[u32; 2]>,
     /// Cooperative matrix products, where the host opted in ([`Caps::with_cooperative`]).
     pub cooperative: Cooperative,
+    /// Vector registers of the processor, where it runs the shaders (lavapipe): 16, or 32 with AVX-512.
+    pub vector_registers: u32,
     /// Most invocations of a workgroup.
     pub invocations: u32,
     /// Bytes of workgroup memory.
@@ -93,12 +95,13 @@ impl Caps {
             f16: false,
             subgroup: None,
             cooperative: Cooperative::default(),
+            vector_registers: 32,
             invocations: limits.max_compute_invocations_per_workgroup,
             workgroup_bytes: limits.max_compute_workgroup_storage_size,
         }
     }
 
-    /// Mesa's lavapipe, for plans made without a device.
+    /// Mesa's lavapipe on a processor with AVX-512, for plans made without a device.
     #[must_use]
     pub fn lavapipe() -> Self {
         Self {
@@ -137,6 +140,7 @@ impl Caps {
             f16: features.contains(wgpu::Features::SHADER_F16),
             subgroup,
             cooperative: Cooperative::default(),
+            vector_registers: vector_registers(),
             invocations: limits.max_compute_invocations_per_workgroup,
             workgroup_bytes: limits.max_compute_workgroup_storage_size,
         }
@@ -147,6 +151,20 @@ impl Caps {
     pub fn with_tier(mut self, tier: Tier) -> Self {
         self.tier = tier;
         self
+    }
+
+    /// The same facts for a processor with so many vector registers.
+    #[must_use]
+    pub fn with_vector_registers(mut self, registers: u32) -> Self {
+        self.vector_registers = registers;
+        self
+    }
+
+    /// Whether weights of products come through uniform windows ([`UNIFORM_WINDOW`]), so that their buffers need that usage and a
+    /// window's bytes behind the last of them.
+    #[must_use]
+    pub fn weight_windows(&self) -> bool {
+        self.tier == Tier::Software && self.vector_registers < 32
     }
 
     /// The same facts, with f16 operands or without.
@@ -187,6 +205,15 @@ impl Caps {
         let fit = self.max_binding / row_bytes.max(1);
         if fit >= rows { rows.max(1) } else { (fit / 64 * 64).max(64) }
     }
+}
+
+/// Of this processor.
+fn vector_registers() -> u32 {
+    #[cfg(target_arch = "x86_64")]
+    if !std::arch::is_x86_feature_detected!("avx512vl") {
+        return 16;
+    }
+    32
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, linear as shaders};
 use smallvec::{SmallVec, smallvec};
 
-use crate::caps::Cooperative;
+use crate::caps::{Cooperative, UNIFORM_WINDOW};
 use crate::dispatch::Window;
 use crate::{Activation, Arg, Caps, Dispatch, KernelError, PackedWeights, Tier, WeightType};
 
@@ -55,22 +55,38 @@ pub struct LinearParams {
     flags: u32,
     k_packed: u32,
     group: u32,
+    k0: u32,
+    k_len: u32,
     pad0: u32,
-    pad1: u32,
-    pad2: u32,
 }
 
-crate::layout::layout!(LinearParams { m, n, k, n0, blocks, act, flags, k_packed, group, pad0, pad1, pad2 });
+crate::layout::layout!(LinearParams { m, n, k, n0, blocks, act, flags, k_packed, group, k0, k_len, pad0 });
 
 const HAS_BIAS: u32 = 1;
 const HAS_GAMMA: u32 = 2;
 const HAS_RESIDUAL: u32 = 4;
+const GO_ON: u32 = 8;
+const PARTIAL: u32 = 16;
+
+/// What of y, and of the sums over k, one dispatch computes.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    row0: u64,
+    rows: u64,
+    /// Blocks of 32 columns: the first, and how many.
+    block: u32,
+    blocks: u32,
+    k0: u32,
+    k_len: u32,
+}
 
 /// How a family of variants cuts y into tiles.
 #[derive(Clone, Copy, Debug)]
 enum Form {
     /// So many rows x 32 columns a workgroup.
     Software(u64),
+    /// The same, weights through uniform windows.
+    Windows(u64),
     /// 64 x 64 a workgroup.
     Gpu,
     /// 4 x 4 an invocation.
@@ -108,6 +124,14 @@ impl Linear {
         let fours = w.k.is_multiple_of(4) && w.n.is_multiple_of(4);
         let (shader, form) = match (caps.tier, w.storage) {
             // Rows of a tile: TM of linear.toml.
+            (Tier::Software, storage) if fours && caps.weight_windows() => {
+                let shader = match storage {
+                    WeightType::F32 => &shaders::WINDOWS,
+                    WeightType::F16 => &shaders::WINDOWS_W16,
+                    WeightType::I8 => &shaders::WINDOWS_W8,
+                };
+                return self.uniform_windows(shader, (row0, m), out);
+            }
             (Tier::Software, WeightType::F32) if fours => (&shaders::SOFTWARE, Form::Software(48)),
             (Tier::Software, WeightType::F16) if fours => (&shaders::SOFTWARE_W16, Form::Software(48)),
             (Tier::Software, WeightType::I8) if fours => (&shaders::SOFTWARE_W8, Form::Software(32)),
@@ -119,7 +143,22 @@ impl Linear {
         // An even number of blocks: the GPU tile is two wide, and 256-byte alignment follows.
         let fit = (caps.max_binding / w.block_bytes()).max(2) as u32 / 2 * 2;
         for block in (0..w.blocks()).step_by(fit as usize) {
-            out.push(self.dispatch(shader, form, (row0, m), (block, fit.min(w.blocks() - block))));
+            let blocks = fit.min(w.blocks() - block);
+            out.push(self.dispatch(shader, form, Piece { row0, rows: m, block, blocks, k0: 0, k_len: w.k }));
+        }
+    }
+
+    /// Some rows, a dispatch a window of weights: several column blocks where a window holds all their k, else one and part of its
+    /// k. Sums that go on in the next window wait in y, and take the order they would have in one.
+    fn uniform_windows(&self, shader: &'static Shader, (row0, rows): (u64, u64), out: &mut Vec<Dispatch>) {
+        let w = &self.weights;
+        let deep = (UNIFORM_WINDOW / WeightType::ROW_BYTES * w.storage.k_per_row()) as u32;
+        let wide = (deep / w.k_packed()).clamp(1, w.blocks());
+        for block in (0..w.blocks()).step_by(wide as usize) {
+            for k0 in (0..w.k).step_by(deep as usize) {
+                let (blocks, k_len) = (wide.min(w.blocks() - block), deep.min(w.k - k0));
+                out.push(self.dispatch(shader, Form::Windows(24), Piece { row0, rows, block, blocks, k0, k_len }));
+            }
         }
     }
 
@@ -127,14 +166,13 @@ impl Linear {
         &self,
         shader: &'static Shader,
         form: Form,
-        (row0, m): (u64, u64),
-        (block, blocks): (u32, u32),
+        Piece { row0, rows: m, block, blocks, k0, k_len }: Piece,
     ) -> Dispatch {
-        let PackedWeights { k, n, .. } = self.weights;
+        let PackedWeights { k, n, storage } = self.weights;
         let columns = u64::from(blocks);
         // Workgroups, and row tiles that go by a column block before the next.
         let (groups, group) = match form {
-            Form::Software(rows) => {
+            Form::Software(rows) | Form::Windows(rows) => {
                 let tiles = m.div_ceil(rows);
                 (tiles * columns, self.weights.row_group(tiles, rows * u64::from(k) * 4))
             }
@@ -150,24 +188,35 @@ impl Linear {
             n0: block * 32,
             blocks,
             act: self.act as u32,
-            flags: set(self.bias, HAS_BIAS) | set(self.gamma, HAS_GAMMA) | set(self.residual, HAS_RESIDUAL),
+            flags: set(self.bias, HAS_BIAS)
+                | set(self.gamma, HAS_GAMMA)
+                | set(self.residual, HAS_RESIDUAL)
+                | set(k0 > 0, GO_ON)
+                | set(k0 + k_len < k, PARTIAL),
             k_packed: self.weights.k_packed(),
             group,
+            k0,
+            k_len,
             pad0: 0,
-            pad1: 0,
-            pad2: 0,
+        };
+        let first = u64::from(block) * self.weights.block_bytes();
+        let weights = match form {
+            Form::Windows(_) => {
+                W.window(first + u64::from(k0) / storage.k_per_row() * WeightType::ROW_BYTES, UNIFORM_WINDOW)
+            }
+            _ => W.window(first, columns * self.weights.block_bytes()),
         };
         let rows = |arg: Arg, width: u32| arg.window(row0 * u64::from(width) * 4, m * u64::from(width) * 4);
         let residual = if self.residual { rows(RESIDUAL, n) } else { Arg::ABSENT.into() };
         let mut windows: SmallVec<[Window; 8]> = smallvec![
             rows(X, k),
-            W.window(u64::from(block) * self.weights.block_bytes(), u64::from(blocks) * self.weights.block_bytes()),
+            weights,
             BIAS.when(self.bias).into(),
             GAMMA.when(self.gamma).into(),
             residual,
             rows(Y, n)
         ];
-        if self.weights.storage == WeightType::I8 {
+        if storage == WeightType::I8 {
             let (start, bytes) = self.weights.scales();
             windows.push(W.window(start, bytes));
         }
