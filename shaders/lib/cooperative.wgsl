@@ -12,20 +12,32 @@ alias CoopNumber = f32;
 #endif
 
 #if LANES
-// All of the left operand, which importers keep; of the right one where it starts in its array and the distance of its rows.
+// Where an operand starts in its array and the distance of its rows; with KEEP_A all of the left one, for importers that go on
+// using it when the array has changed.
+#if KEEP_A
 alias CoopA = array<CoopNumber, ${T*T}>;
+#else
+alias CoopA = vec2<u32>;
+#endif
 alias CoopB = vec2<u32>;
 alias CoopC = array<f32, ${T*T/LANES}>;
 
 var<private> coop_lane: u32;
-// $T, by a way the compiler cannot see: with constant bounds drivers unroll the loops and compile for minutes.
+#if KEEP_A
+// $T, by a way the compiler cannot see, or it unrolls the loops over the arrays.
 var<private> coop_t: u32;
+#else
+const coop_t: u32 = ${T}u;
+#endif
 
 fn coop_enter(index: u32, groups: u32) {
     coop_lane = index % ${LANES}u;
+#if KEEP_A
     coop_t = min(groups, 1u) * ${T}u;
+#endif
 }
 
+#if KEEP_A
 fn coop_a(at: u32, stride: u32) -> CoopA {
     var a: CoopA;
     for (var e = 0u; e < coop_t * ${T}u; e++) {
@@ -33,6 +45,11 @@ fn coop_a(at: u32, stride: u32) -> CoopA {
     }
     return a;
 }
+#else
+fn coop_a(at: u32, stride: u32) -> CoopA {
+    return vec2<u32>(at, stride);
+}
+#endif
 
 fn coop_b(at: u32, stride: u32) -> CoopB {
     return vec2<u32>(at, stride);
@@ -43,12 +60,19 @@ fn coop_zero() -> CoopC {
 }
 
 fn coop_fma(a: CoopA, b: CoopB, c: CoopC) -> CoopC {
+#if KEEP_A
     var left = a;
+#endif
     var sum = c;
     for (var e = 0u; e < coop_t * ${T}u / ${LANES}u; e++) {
         let element = e * ${LANES}u + coop_lane;
         for (var k = 0u; k < coop_t; k++) {
-            sum[e] = fma(f32(left[element / ${T}u * ${T}u + k]), f32(ws[b.x + k * b.y + element % ${T}u]), sum[e]);
+            let right = f32(ws[b.x + k * b.y + element % ${T}u]);
+#if KEEP_A
+            sum[e] = fma(f32(left[element / ${T}u * ${T}u + k]), right, sum[e]);
+#else
+            sum[e] = fma(f32(xs[a.x + element / ${T}u * a.y + k]), right, sum[e]);
+#endif
         }
     }
     return sum;
