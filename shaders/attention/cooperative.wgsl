@@ -40,8 +40,16 @@ const SLACK: f32 = 5.5;
 
 // [channel][key] of the keys, then [key][channel] of the values.
 var<workgroup> ws: array<CoopNumber, ${DP*T*2}>;
-// [strip][row][key or channel]: queries, later weights; and scores or sums. The fifth strip is that of surplus subgroups.
+// [strip][row][key or channel]: queries, $T channels at a time, later weights; and scores or sums. The fifth strip is that of
+// surplus subgroups.
+#if LANES
+// Matrices are places there, so queries have places of their own.
+const APART: u32 = ${16*T*5}u;
+var<workgroup> xs: array<CoopNumber, ${16*T*5+16*5*DP}>;
+#else
+const APART: u32 = 0u;
 var<workgroup> xs: array<CoopNumber, ${16*T*5}>;
+#endif
 var<workgroup> cs: array<f32, ${16*T*5}>;
 // Whether the maximum of a row grew.
 var<workgroup> grown: atomic<u32>;
@@ -60,7 +68,7 @@ fn main(
 #if LANES
     let subgroup = index / ${LANES}u;
     let subgroups = ${128/LANES}u;
-    coop_enter(index, groups.x);
+    coop_lane = index % ${LANES}u;
 #endif
     let tile = lib_fold(group, groups);
     let tiles = (p.q_count + 63u) / 64u;
@@ -93,14 +101,14 @@ fn main(
             {
                 let part = vec4<CoopNumber>(q[row * ${DP/4}u + (${d*T+e*4}u + half) / 4u]);
 #for j in 0..4
-                xs[at + ${e*4+j}u] = part[$j];
+                xs[at + ${d+1}u * APART + ${e*4+j}u] = part[$j];
 #end
             }
 #end
         }
         workgroupBarrier();
 #for r in 0..${16/T}
-        let q${r}_$d = coop_a(strip + ${r*T*T}u, ${T}u);
+        let q${r}_$d = coop_a(strip + ${d+1}u * APART + ${r*T*T}u, ${T}u);
         var o${r}_$d = coop_zero();
 #end
         workgroupBarrier();

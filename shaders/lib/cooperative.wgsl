@@ -3,7 +3,7 @@
 //
 // LANES replaces the cooperative operations by plain loops over workgroup memory and the device's subgroups by groups of LANES
 // invocations, a lane holding every LANES-th element of a result: what surrounds the operations then runs, and is tested, on
-// devices that have none.
+// devices that have none. Operands are places there: importers leave them alone while they use them.
 
 #if HALF
 alias CoopNumber = f16;
@@ -12,44 +12,16 @@ alias CoopNumber = f32;
 #endif
 
 #if LANES
-// Where an operand starts in its array and the distance of its rows; with KEEP_A all of the left one, for importers that go on
-// using it when the array has changed.
-#if KEEP_A
-alias CoopA = array<CoopNumber, ${T*T}>;
-#else
+// Where an operand starts in its array, and the distance of its rows.
 alias CoopA = vec2<u32>;
-#endif
 alias CoopB = vec2<u32>;
 alias CoopC = array<f32, ${T*T/LANES}>;
 
 var<private> coop_lane: u32;
-#if KEEP_A
-// $T, by a way the compiler cannot see, or it unrolls the loops over the arrays.
-var<private> coop_t: u32;
-#else
-const coop_t: u32 = ${T}u;
-#endif
 
-fn coop_enter(index: u32, groups: u32) {
-    coop_lane = index % ${LANES}u;
-#if KEEP_A
-    coop_t = min(groups, 1u) * ${T}u;
-#endif
-}
-
-#if KEEP_A
-fn coop_a(at: u32, stride: u32) -> CoopA {
-    var a: CoopA;
-    for (var e = 0u; e < coop_t * ${T}u; e++) {
-        a[e] = xs[at + e / ${T}u * stride + e % ${T}u];
-    }
-    return a;
-}
-#else
 fn coop_a(at: u32, stride: u32) -> CoopA {
     return vec2<u32>(at, stride);
 }
-#endif
 
 fn coop_b(at: u32, stride: u32) -> CoopB {
     return vec2<u32>(at, stride);
@@ -60,19 +32,11 @@ fn coop_zero() -> CoopC {
 }
 
 fn coop_fma(a: CoopA, b: CoopB, c: CoopC) -> CoopC {
-#if KEEP_A
-    var left = a;
-#endif
     var sum = c;
-    for (var e = 0u; e < coop_t * ${T}u / ${LANES}u; e++) {
+    for (var e = 0u; e < ${T*T/LANES}u; e++) {
         let element = e * ${LANES}u + coop_lane;
-        for (var k = 0u; k < coop_t; k++) {
-            let right = f32(ws[b.x + k * b.y + element % ${T}u]);
-#if KEEP_A
-            sum[e] = fma(f32(left[element / ${T}u * ${T}u + k]), right, sum[e]);
-#else
-            sum[e] = fma(f32(xs[a.x + element / ${T}u * a.y + k]), right, sum[e]);
-#endif
+        for (var k = 0u; k < ${T}u; k++) {
+            sum[e] = fma(f32(xs[a.x + element / ${T}u * a.y + k]), f32(ws[b.x + k * b.y + element % ${T}u]), sum[e]);
         }
     }
     return sum;
@@ -80,7 +44,7 @@ fn coop_fma(a: CoopA, b: CoopB, c: CoopC) -> CoopC {
 
 fn coop_c(at: u32) -> CoopC {
     var c: CoopC;
-    for (var e = 0u; e < coop_t * ${T}u / ${LANES}u; e++) {
+    for (var e = 0u; e < ${T*T/LANES}u; e++) {
         c[e] = cs[at + e * ${LANES}u + coop_lane];
     }
     return c;
@@ -88,7 +52,7 @@ fn coop_c(at: u32) -> CoopC {
 
 fn coop_store(c: CoopC, at: u32) {
     var elements = c;
-    for (var e = 0u; e < coop_t * ${T}u / ${LANES}u; e++) {
+    for (var e = 0u; e < ${T*T/LANES}u; e++) {
         cs[at + e * ${LANES}u + coop_lane] = elements[e];
     }
 }

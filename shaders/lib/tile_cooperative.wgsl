@@ -36,7 +36,7 @@ fn main(
 #if LANES
     let subgroup = index / ${LANES}u;
     let subgroups = ${128/LANES}u;
-    coop_enter(index, groups.x);
+    coop_lane = index % ${LANES}u;
 #endif
     let tile = lib_fold(group, groups);
     let wide = (p.blocks + 1u) / 2u;

@@ -131,9 +131,13 @@ fn cooperative_tiles_match_the_oracle_through_their_stand_ins() {
     let gpu = omnix_tests::gpu();
     let products = Cooperative { f16_16: true, f32_8: true };
     let caps = gpu.caps.clone().with_tier(Tier::Gpu).with_subgroup(Some([32, 32])).with_cooperative(products);
-    let mut stand_ins = vec![(WeightType::F32, "cooperative_8", &shaders::STAND_IN_8_16)];
+    let mut stand_ins = vec![(WeightType::F32, "cooperative_8", &shaders::STAND_IN_8_32)];
     if caps.f16 {
-        stand_ins.push((WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_64));
+        // Eight subgroups, of which four have nothing of their own to do, and two, which take two turns.
+        stand_ins.extend([
+            (WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_16),
+            (WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_64),
+        ]);
     }
     let gpu = gpu.with_caps(caps);
     for (storage, chosen, stand_in) in stand_ins {
