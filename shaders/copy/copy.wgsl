@@ -1,12 +1,13 @@
 // copy: y[dst0 + sum_d i_d * dst_d] = x[src0 + sum_d i_d * src_d] for all i in the shape.
 //
 // Dimensions come innermost first: dims[d] = (extent, source stride, destination stride, unused), d < rank.
-// Everything is counted in elements: 32-bit words, or groups of four in the variant VEC4. Elements are
+// Everything is counted in elements: items, see lib/item. Elements are
 // moved as bits, so NaN payloads and integers survive.
 //
 // Eight neighbouring invocations share a piece of one line (the innermost dimension), `steps` elements
 // each, 8 apart: the integer divisions that find the line cost more than the copy on software devices.
 #import grid
+#import item
 
 struct Params {
     dims: array<vec4<u32>, 6>,
@@ -23,13 +24,8 @@ struct Params {
 }
 
 @group(0) @binding(0) var<uniform> p: Params;
-#if VEC4
-@group(0) @binding(1) var<storage, read> x: array<vec4<u32>>;
-@group(0) @binding(2) var<storage, read_write> y: array<vec4<u32>>;
-#else
-@group(0) @binding(1) var<storage, read> x: array<u32>;
-@group(0) @binding(2) var<storage, read_write> y: array<u32>;
-#endif
+@group(0) @binding(1) var<storage, read> x: array<Item>;
+@group(0) @binding(2) var<storage, read_write> y: array<Item>;
 
 @compute @workgroup_size(64)
 fn main(

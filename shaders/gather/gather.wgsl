@@ -3,20 +3,11 @@
 // Words are moved as bits. A dispatch sees the rows lo..hi of x and leaves alone what others gather.
 #import rows
 #import grid
+#import item
 
-#if VEC4
-@group(0) @binding(1) var<storage, read> x: array<vec4<u32>>;
-#else
-@group(0) @binding(1) var<storage, read> x: array<u32>;
-#endif
+@group(0) @binding(1) var<storage, read> x: array<Item>;
 @group(0) @binding(2) var<storage, read> index: array<u32>;
-#if VEC4
-@group(0) @binding(3) var<storage, read_write> y: array<vec4<u32>>;
-const ZERO: vec4<u32> = vec4<u32>(0u);
-#else
-@group(0) @binding(3) var<storage, read_write> y: array<u32>;
-const ZERO: u32 = 0u;
-#endif
+@group(0) @binding(3) var<storage, read_write> y: array<Item>;
 
 @compute @workgroup_size(64)
 fn main(
@@ -40,7 +31,7 @@ fn main(
     for (var s = 0u; s < p.steps; s++) {
         let i = first + s * 8u;
         if (i < p.c) {
-            y[dest + i] = select(ZERO, x[source + i], here);
+            y[dest + i] = select(Item(), x[source + i], here);
         }
     }
 }

@@ -7,11 +7,12 @@
 // barrier. Needs c to be a multiple of 4. ACT is a variant of its own because both sides of a branch are computed here.
 #import layer_norm_params
 #import grid
+#import quad
 
-@group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> weight: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> bias: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> y: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> x: array<Quad>;
+@group(0) @binding(2) var<storage, read> weight: array<Quad>;
+@group(0) @binding(3) var<storage, read> bias: array<Quad>;
+@group(0) @binding(4) var<storage, read_write> y: array<Quad>;
 
 // The sum over all 8 lanes, the same bits in every lane.
 fn total(v: f32) -> f32 {
@@ -49,7 +50,7 @@ fn main(
         let cross = before * share;
 #for r in 0..$ROWS
         {
-            let v = x[x$r + i];
+            let v = lib_quad(x[x$r + i]);
             let middle = ((v.x + v.y) + (v.z + v.w)) * 0.25;
             let d = v - vec4<f32>(middle);
             let apart = middle - mean$r;
@@ -66,21 +67,21 @@ fn main(
     for (var i = lane; i < c4; i += 8u) {
         var w = vec4<f32>(1.0);
         if ((p.flags & HAS_WEIGHT) != 0u) {
-            w = weight[i];
+            w = lib_quad(weight[i]);
         }
         var b = vec4<f32>(0.0);
         if ((p.flags & HAS_BIAS) != 0u) {
-            b = bias[i];
+            b = lib_quad(bias[i]);
         }
 #for r in 0..$ROWS
-        let v$r = (x[x$r + i] - vec4<f32>(row_mean$r)) * vec4<f32>(scale$r) * w + b;
+        let v$r = (lib_quad(x[x$r + i]) - vec4<f32>(row_mean$r)) * vec4<f32>(scale$r) * w + b;
 #end
 #for r in 0..$ROWS
         if (row0 + ${r}u < p.m) {
 #if ACT
-            y[x$r + i] = lib_activate(v$r, p.act);
+            y[x$r + i] = lib_to_quad(lib_activate(v$r, p.act));
 #else
-            y[x$r + i] = v$r;
+            y[x$r + i] = lib_to_quad(v$r);
 #endif
         }
 #end

@@ -2,7 +2,7 @@
 // together, `steps` elements each, 8 apart, so that one division finds the row of several elements.
 
 struct Params {
-    // Rows of this dispatch, and elements of a row (words, or vec4 in the variant VEC4).
+    // Rows of this dispatch, and elements of a row (items, see lib/item).
     m: u32,
     c: u32,
     // Pieces a row, and elements an invocation in a piece.

@@ -4,7 +4,11 @@
 // b is either taken four at a time (b4: same shape as a, or a row over rows of a) or one number for all
 // four of a (b1: one number a row of a, or one at all). Variant VEC4: n, b_div, b_len and all offsets are
 // multiples of 4, or b is taken one by one and b_div is.
+//
+// An invocation owns `steps` times four elements, 4 $LANES apart. With QUAD a workgroup is one subgroup of 8 lanes: a software
+// rasteriser finishes the loop of one subgroup before it starts the next, so only then are the addresses it walks consecutive.
 #import activation
+#import value
 #import grid
 
 struct Params {
@@ -32,17 +36,10 @@ const B_GENERAL: u32 = 2u;
 const B_PER_FOUR: u32 = 3u;
 
 @group(0) @binding(0) var<uniform> p: Params;
-#if VEC4
-@group(0) @binding(1) var<storage, read> a: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> b4: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> a: array<Stored>;
+@group(0) @binding(2) var<storage, read> b4: array<Stored>;
 @group(0) @binding(3) var<storage, read> b1: array<f32>;
-@group(0) @binding(4) var<storage, read_write> y: array<vec4<f32>>;
-#else
-@group(0) @binding(1) var<storage, read> a: array<f32>;
-@group(0) @binding(2) var<storage, read> b4: array<f32>;
-@group(0) @binding(3) var<storage, read> b1: array<f32>;
-@group(0) @binding(4) var<storage, read_write> y: array<f32>;
-#endif
+@group(0) @binding(4) var<storage, read_write> y: array<Stored>;
 
 // Where element i of this dispatch finds its b, as (i / b_div % b_len, i % b_div).
 fn place(i: u32) -> vec2<u32> {
@@ -51,7 +48,7 @@ fn place(i: u32) -> vec2<u32> {
     return vec2<u32>(whole % p.b_len, at - whole * p.b_div);
 }
 
-// The place 256 elements on, without a division: they cost more than anything else here.
+// The place 4 $LANES elements on, without a division: they cost more than anything else here.
 fn next(at: vec2<u32>, step: vec2<u32>) -> vec2<u32> {
     let r = at.y + step.y;
     let carry = r >= p.b_div;
@@ -61,23 +58,20 @@ fn next(at: vec2<u32>, step: vec2<u32>) -> vec2<u32> {
 
 // b of the four elements from i on, whose place is `at`.
 fn b_at(i: u32, at: vec2<u32>) -> vec4<f32> {
-    switch p.b_mode {
 #if VEC4
-        case B_SAME: { return b4[(p.first + i - p.b_first) / 4u]; }
-        case B_GENERAL: { return b4[(at.x - p.b_first) / 4u]; }
-        case B_PER_FOUR: { return vec4<f32>(b1[at.x - p.b_first]); }
-#else
-        case B_SAME: {
-            let same = p.first + i - p.b_first;
-            return vec4<f32>(b4[same], b4[same + 1u], b4[same + 2u], b4[same + 3u]);
-        }
-        case B_GENERAL, B_PER_FOUR: {
-            return vec4<f32>(b1[at.x - p.b_first], b1[place(i + 1u).x - p.b_first], b1[place(i + 2u).x - p.b_first],
-                b1[place(i + 3u).x - p.b_first]);
-        }
-#endif
-        default: { return vec4<f32>(0.0); }
+    if (p.b_mode == B_PER_FOUR) {
+        return vec4<f32>(b1[at.x - p.b_first]);
     }
+    let same = p.b_mode == B_SAME;
+    return lib_value(b4[(select(at.x, p.first + i, same) - p.b_first) / 4u]);
+#else
+    if (p.b_mode == B_SAME) {
+        let same = p.first + i - p.b_first;
+        return vec4<f32>(b4[same], b4[same + 1u], b4[same + 2u], b4[same + 3u]);
+    }
+    return vec4<f32>(b1[at.x - p.b_first], b1[place(i + 1u).x - p.b_first], b1[place(i + 2u).x - p.b_first],
+        b1[place(i + 3u).x - p.b_first]);
+#endif
 }
 
 // NaN passes through.
@@ -134,7 +128,7 @@ fn transcendental(op: u32, v: vec4<f32>) -> vec4<f32> {
 // Four elements from i on.
 fn load(i: u32) -> vec4<f32> {
 #if VEC4
-    return a[(p.rest + i) / 4u];
+    return lib_value(a[(p.rest + i) / 4u]);
 #else
     let at = p.rest + i;
     return vec4<f32>(a[at], a[at + 1u], a[at + 2u], a[at + 3u]);
@@ -143,7 +137,7 @@ fn load(i: u32) -> vec4<f32> {
 
 fn store(i: u32, v: vec4<f32>) {
 #if VEC4
-    y[(p.rest + i) / 4u] = v;
+    y[(p.rest + i) / 4u] = lib_stored(v);
 #else
     for (var k = 0u; k < min(4u, p.n - i); k++) {
         y[p.rest + i + k] = v[k];
@@ -151,28 +145,28 @@ fn store(i: u32, v: vec4<f32>) {
 #endif
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size($LANES)
 fn main(
     @builtin(local_invocation_id) local: vec3<u32>,
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    // `steps` times four elements an invocation, 256 apart; the operation is chosen outside of the loop.
-    let first = lib_fold(group, groups) * 256u * p.steps + local.x * 4u;
-    let end = min(p.n, first + 256u * p.steps);
+    // The operation is chosen outside of the loop.
+    let first = lib_fold(group, groups) * ${4*LANES}u * p.steps + local.x * 4u;
+    let end = min(p.n, first + ${4*LANES}u * p.steps);
     if (p.op < 6u) {
         var at = place(first);
-        let step = vec2<u32>(256u / p.b_div % p.b_len, 256u % p.b_div);
-        for (var i = first; i < end; i += 256u) {
+        let step = vec2<u32>(${4*LANES}u / p.b_div % p.b_len, ${4*LANES}u % p.b_div);
+        for (var i = first; i < end; i += ${4*LANES}u) {
             store(i, binary(p.op, load(i), b_at(i, at)));
             at = next(at, step);
         }
     } else if (p.op < 16u) {
-        for (var i = first; i < end; i += 256u) {
+        for (var i = first; i < end; i += ${4*LANES}u) {
             store(i, simple(p.op, load(i)));
         }
     } else {
-        for (var i = first; i < end; i += 256u) {
+        for (var i = first; i < end; i += ${4*LANES}u) {
             store(i, transcendental(p.op, load(i)));
         }
     }

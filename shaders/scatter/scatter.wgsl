@@ -4,18 +4,11 @@
 // Words are moved as bits. A dispatch sees the rows lo..hi of y and skips what others write.
 #import rows
 #import grid
+#import item
 
-#if VEC4
-@group(0) @binding(1) var<storage, read> x: array<vec4<u32>>;
-#else
-@group(0) @binding(1) var<storage, read> x: array<u32>;
-#endif
+@group(0) @binding(1) var<storage, read> x: array<Item>;
 @group(0) @binding(2) var<storage, read> index: array<u32>;
-#if VEC4
-@group(0) @binding(3) var<storage, read_write> y: array<vec4<u32>>;
-#else
-@group(0) @binding(3) var<storage, read_write> y: array<u32>;
-#endif
+@group(0) @binding(3) var<storage, read_write> y: array<Item>;
 
 @compute @workgroup_size(64)
 fn main(

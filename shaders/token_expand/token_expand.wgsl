@@ -6,6 +6,7 @@
 // Eight neighbouring invocations move a row together, `steps` elements each, 8 apart. A dispatch owns
 // `rows` tokens of `times` times; rows of z are `stride` tokens apart from time to time.
 #import grid
+#import value
 
 const HAS_SCALE: u32 = 1u;
 const HAS_ALPHA: u32 = 2u;
@@ -16,7 +17,7 @@ struct Params {
     rows: u32,
     times: u32,
     stride: u32,
-    // Elements of a row (numbers, or vec4 in the variant VEC4), pieces a row, elements an invocation in a piece.
+    // Elements of a row (see lib/value), pieces a row, elements an invocation in a piece.
     d: u32,
     pieces: u32,
     steps: u32,
@@ -33,19 +34,13 @@ struct Params {
     pad2: u32,
 }
 
-#if VEC4
-alias Value = vec4<f32>;
-#else
-alias Value = f32;
-#endif
-
 @group(0) @binding(0) var<uniform> p: Params;
-@group(0) @binding(1) var<storage, read> q: array<Value>;
-@group(0) @binding(2) var<storage, read> scale: array<Value>;
-@group(0) @binding(3) var<storage, read> shift: array<Value>;
+@group(0) @binding(1) var<storage, read> q: array<Stored>;
+@group(0) @binding(2) var<storage, read> scale: array<Stored>;
+@group(0) @binding(3) var<storage, read> shift: array<Stored>;
 @group(0) @binding(4) var<storage, read> alpha: array<f32>;
 @group(0) @binding(5) var<storage, read> kappa: array<f32>;
-@group(0) @binding(6) var<storage, read_write> z: array<Value>;
+@group(0) @binding(6) var<storage, read_write> z: array<Stored>;
 
 @compute @workgroup_size(64)
 fn main(
@@ -74,11 +69,11 @@ fn main(
     for (var s = 0u; s < p.steps; s++) {
         let i = first + s * 8u;
         if (i < p.d) {
-            var v = q[source + i];
+            var v = lib_value(q[source + i]);
             if ((p.flags & HAS_SCALE) != 0u) {
-                v *= 1.0 + a * scale[p.scale_rest + t * p.d + i];
+                v *= 1.0 + a * lib_value(scale[p.scale_rest + t * p.d + i]);
             }
-            z[dest + i] = v + k * shift[p.shift_rest + t * p.d + i];
+            z[dest + i] = lib_stored(v + k * lib_value(shift[p.shift_rest + t * p.d + i]));
         }
     }
 }

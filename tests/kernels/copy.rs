@@ -3,7 +3,7 @@
 use omnix_kernels::copy::{Copy, Strided, Y};
 use omnix_kernels::run::{HostArg, execute, read, upload};
 use omnix_kernels::{Gpu, cpu};
-use omnix_tests::{gpu, with_max_binding};
+use omnix_tests::{gpu, tiers, with_max_binding};
 
 /// Runs `spec` from `x_len` numbered words into `y_len` words and compares bit for bit.
 fn check(gpu: &Gpu, spec: &Copy, x_len: usize, y_len: usize) -> usize {
@@ -16,6 +16,13 @@ fn check(gpu: &Gpu, spec: &Copy, x_len: usize, y_len: usize) -> usize {
     let got: Vec<u32> = read(gpu, &slices[usize::from(Y.0)]).expect("reads");
     assert!(got == want, "{spec:?}: first difference at {:?}", got.iter().zip(&want).position(|(g, w)| g != w));
     dispatches.len()
+}
+
+/// [`check`] with every family of variants.
+fn check_all(spec: &Copy, x_len: usize, y_len: usize) {
+    for gpu in tiers() {
+        check(&gpu, spec, x_len, y_len);
+    }
 }
 
 /// The permutation `order` of a contiguous `shape`, outermost first; written contiguously.
@@ -42,7 +49,7 @@ fn permutations_and_whole_copies() {
     let orders = [[0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0], [0, 1, 3, 2, 4, 5], [1, 0, 2, 3, 5, 4], [0, 5, 3, 4, 1, 2]];
     for shape in shapes {
         for order in orders {
-            check(gpu(), &permutation(shape, order), size(shape), size(shape));
+            check_all(&permutation(shape, order), size(shape), size(shape));
         }
     }
 }
@@ -57,7 +64,7 @@ fn slices_concatenations_and_broadcasts_leave_the_rest_alone() {
             src: Strided { offset: from, strides: [0, 0, 0, 9 * width, width, 1] },
             dst: Strided { offset: to, strides: [0, 0, 0, 9 * wide, wide, 1] },
         };
-        check(gpu(), &spec, 63 * width as usize, 63 * wide as usize + 5);
+        check_all(&spec, 63 * width as usize, 63 * wide as usize + 5);
     }
     // A row of 12 repeated over 5 x 3 rows; a single number repeated 37 times.
     let row = Copy {
@@ -65,27 +72,22 @@ fn slices_concatenations_and_broadcasts_leave_the_rest_alone() {
         src: Strided { offset: 0, strides: [0, 0, 0, 0, 0, 1] },
         dst: Strided { offset: 0, strides: [0, 0, 0, 36, 12, 1] },
     };
-    check(gpu(), &row, 12, 180);
+    check_all(&row, 12, 180);
     let number = Copy {
         shape: [1, 1, 1, 1, 1, 37],
         src: Strided { offset: 2, strides: [0; 6] },
         dst: Strided { offset: 1, strides: [0, 0, 0, 0, 0, 1] },
     };
-    check(gpu(), &number, 3, 40);
+    check_all(&number, 3, 40);
 }
 
 #[test]
 fn depth_to_space_and_patches() {
     // [h, w, i, j, c] of a transposed convolution to [h i, w j, c].
     let (h, w, k, c) = (5, 6, 2, 12);
-    check(
-        gpu(),
-        &permutation([1, h, w, k, k, c], [0, 1, 3, 2, 4, 5]),
-        size([1, h, w, k, k, c]),
-        size([1, h, w, k, k, c]),
-    );
+    check_all(&permutation([1, h, w, k, k, c], [0, 1, 3, 2, 4, 5]), size([1, h, w, k, k, c]), size([1, h, w, k, k, c]));
     // Image [h p, w p, 3] to patches [h, w, p, p, 3].
-    check(gpu(), &permutation([1, 4, 14, 5, 14, 3], [0, 1, 3, 2, 4, 5]), 4 * 14 * 5 * 14 * 3, 4 * 14 * 5 * 14 * 3);
+    check_all(&permutation([1, 4, 14, 5, 14, 3], [0, 1, 3, 2, 4, 5]), 4 * 14 * 5 * 14 * 3, 4 * 14 * 5 * 14 * 3);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use omnix_kernels::gather::{Gather, Y};
 use omnix_kernels::run::{HostArg, execute, read, upload};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, gpu, with_max_binding};
+use omnix_tests::{Rng, gpu, tiers, with_max_binding};
 
 fn check(gpu: &Gpu, spec: &Gather) -> usize {
     let mut rng = Rng::new(u64::from(spec.n + spec.c));
@@ -22,7 +22,9 @@ fn check(gpu: &Gpu, spec: &Gather) -> usize {
 #[test]
 fn matches_the_oracle() {
     for [n, m, c] in [[1, 1, 1], [5, 9, 3], [20, 7, 4], [100, 300, 36], [64, 64, 130], [33, 50, 1024]] {
-        check(gpu(), &Gather { n, m, c });
+        for gpu in tiers() {
+            check(&gpu, &Gather { n, m, c });
+        }
     }
 }
 

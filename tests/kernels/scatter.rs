@@ -3,7 +3,7 @@
 use omnix_kernels::run::{HostArg, execute, read, upload};
 use omnix_kernels::scatter::{Scatter, Y};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, gpu, with_max_binding};
+use omnix_tests::{Rng, gpu, tiers, with_max_binding};
 
 fn check(gpu: &Gpu, spec: &Scatter) -> usize {
     let mut rng = Rng::new(u64::from(spec.n + spec.c));
@@ -27,7 +27,9 @@ fn check(gpu: &Gpu, spec: &Scatter) -> usize {
 #[test]
 fn matches_the_oracle() {
     for [n, m, c] in [[1, 1, 1], [9, 5, 3], [20, 7, 4], [300, 100, 36], [64, 64, 130], [50, 33, 1024], [3, 20, 8]] {
-        check(gpu(), &Scatter { n, m, c });
+        for gpu in tiers() {
+            check(&gpu, &Scatter { n, m, c });
+        }
     }
 }
 

@@ -3,12 +3,12 @@
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::swiglu::{SwiGlu, Y};
 use omnix_kernels::{Caps, cpu};
-use omnix_tests::{Rng, assert_close, gpu, with_max_binding};
+use omnix_tests::{Rng, assert_close, gpu, tiers, with_max_binding};
 
 #[test]
 fn matches_the_oracle_and_splitting_changes_no_bit() {
     let small = with_max_binding(gpu(), 4096);
-    for (m, h) in [(1, 1), (3, 5), (7, 4), (50, 36), (129, 65), (40, 128)] {
+    for (m, h) in [(1, 1), (3, 5), (7, 4), (50, 36), (129, 65), (40, 128), (300, 44), (3, 28)] {
         let x = Rng::new(u64::from(m * h)).normal((m * 2 * h) as usize);
         let spec = SwiGlu { m, h };
         let want = cpu::swiglu((m as usize, h as usize), &x);
@@ -16,9 +16,10 @@ fn matches_the_oracle_and_splitting_changes_no_bit() {
             let args = [HostArg::F32(&x), HostArg::Out((m * h) as usize)];
             run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs")
         };
-        let whole = on(gpu());
-        assert_close(&format!("{m}x{h}"), &whole, &want, 1e-6);
-        assert_eq!(whole, on(&small), "{m}x{h}");
+        for gpu in tiers() {
+            assert_close(&format!("{} {m}x{h}", gpu.caps.tier), &on(&gpu), &want, 1e-6);
+        }
+        assert_eq!(on(gpu()), on(&small), "{m}x{h}");
     }
 }
 

@@ -3,7 +3,7 @@
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::token_expand::{TokenExpand, Z};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, assert_close, gpu, with_max_binding};
+use omnix_tests::{Rng, assert_close, gpu, tiers, with_max_binding};
 
 fn spec([times, m, d]: [u32; 3], optional: u32) -> TokenExpand {
     TokenExpand { m, d, times, scale: optional & 1 != 0, alpha: optional & 2 != 0, kappa: optional & 4 != 0 }
@@ -32,7 +32,9 @@ fn compute(gpu: &Gpu, spec: &TokenExpand) -> Vec<f32> {
 fn matches_the_oracle_with_and_without_each_part() {
     for optional in 0..8 {
         for sizes in [[1, 1, 1], [3, 5, 7], [2, 9, 32], [4, 70, 12], [1, 3, 260], [16, 33, 64]] {
-            compute(gpu(), &spec(sizes, optional));
+            for gpu in tiers() {
+                compute(&gpu, &spec(sizes, optional));
+            }
         }
     }
 }

@@ -9,7 +9,7 @@
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::copy as shaders;
 
-use crate::cover::{cover, room};
+use crate::cover::{cover, room, unit};
 use crate::{Arg, Caps, Dispatch, KernelError};
 
 /// What is read.
@@ -213,6 +213,6 @@ fn dispatch(part: &Part, src: u64, dst: u64, caps: &Caps) -> Dispatch {
         pad0: 0,
         pad1: 0,
     };
-    let shader = if words == 4 { &shaders::VEC4 } else { &shaders::WORDS };
+    let (shader, _) = unit(caps, words == 4, [&shaders::WORDS, &shaders::VEC4, &shaders::SOFTWARE]);
     Dispatch::new(shader, &params, &[x, y], total.div_ceil(8))
 }

@@ -1,7 +1,9 @@
 //! Windows over tensors of 32-bit words: where they start, what remainder the shader adds, how much fits.
 
+use omnix_shaders::Shader;
+
 use crate::dispatch::Window;
-use crate::{Arg, Caps};
+use crate::{Arg, Caps, Tier};
 
 /// A window of `arg` over the words `first..first + len`. It starts at the aligned offset at or below
 /// `first`; the second value is the distance in words, which the shader adds.
@@ -15,6 +17,16 @@ pub(crate) fn cover(arg: Arg, first: u64, len: u64, caps: &Caps) -> (Window, u32
 pub(crate) fn room(caps: &Caps) -> u64 {
     // Shaders count words in 32 bits.
     (caps.max_binding.saturating_sub(caps.align) / 4).min(1 << 31)
+}
+
+/// The variant of a kernel that moves tensors, and the words of its elements: four at a time where everything is a
+/// multiple of four (`fours`), as two 64-bit words on a software device.
+pub(crate) fn unit(caps: &Caps, fours: bool, [words, vec4, software]: [&'static Shader; 3]) -> (&'static Shader, u32) {
+    match caps.tier {
+        _ if !fours => (words, 1),
+        Tier::Software => (software, 4),
+        _ => (vec4, 4),
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::gather as shaders;
 
-use crate::cover::{cover, room};
+use crate::cover::{cover, room, unit};
 use crate::{Arg, Caps, Dispatch, KernelError};
 
 /// Input `[n, c]`.
@@ -120,7 +120,8 @@ impl Gather {
             let reason = format!("{} rows out of none", self.m);
             return Err(KernelError::Unsupported { kernel: "gather", reason });
         }
-        let (shader, unit) = if self.c.is_multiple_of(4) { (&shaders::VEC4, 4) } else { (&shaders::WORDS, 1) };
+        let (shader, unit) =
+            unit(caps, self.c.is_multiple_of(4), [&shaders::WORDS, &shaders::VEC4, &shaders::SOFTWARE]);
         let c = u64::from(self.c);
         let dispatch = |w: &RowWindows| {
             let (x, x_rest) = cover(X, w.lo * c, (w.hi - w.lo) * c, caps);

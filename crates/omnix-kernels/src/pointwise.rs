@@ -247,7 +247,10 @@ impl Pointwise {
             () => B_GENERAL,
         };
         // A loop costs a software device less than an invocation; a GPU wants many invocations.
-        let steps = if caps.tier == Tier::Gpu { 1 } else { 8 };
+        let (shader, lanes, steps) = match caps.tier {
+            Tier::Software if vec4 => (&shaders::SOFTWARE, 8, 64),
+            tier => (if vec4 { &shaders::VEC4 } else { &shaders::WORDS }, 64, if tier == Tier::Gpu { 1 } else { 8 }),
+        };
         let (n, room) = (u64::from(self.n), room(caps) / 64 * 64);
         // A period of b's repetition, where b has to be seen piece by piece.
         let period = if u64::from(b.len) > room { u64::from(b.len) * u64::from(b.div) } else { u64::MAX };
@@ -287,8 +290,8 @@ impl Pointwise {
             let by_four = if vec4 { matches!(b_mode, B_SAME | B_GENERAL) } else { b_mode == B_SAME };
             let absent = Arg::ABSENT.into();
             let (b4, b1) = if by_four { (b_window, absent) } else { (absent, b_window) };
-            let shader = if vec4 { &shaders::VEC4 } else { &shaders::WORDS };
-            out.push(Dispatch::new(shader, &params, &[a_window, b4, b1, y_window], len.div_ceil(256 * steps)));
+            let groups = len.div_ceil(4 * lanes * steps);
+            out.push(Dispatch::new(shader, &params, &[a_window, b4, b1, y_window], groups));
             first += len;
         }
         Ok(out)

@@ -174,6 +174,9 @@ impl Axis {
     }
 }
 
+/// Output pixels a workgroup of the software variant owns (`STRIP` in the sidecar file).
+const SOFTWARE_STRIP: u64 = 64;
+
 impl Resize {
     /// Bytes read and written once each.
     #[must_use]
@@ -276,7 +279,9 @@ impl Resize {
         let four = self.c.is_multiple_of(4);
         let bilinear = self.filter == Filter::Bilinear;
         let (shader, groups) = match (bilinear, four) {
-            (true, true) if caps.tier == Tier::Software => (&shaders::SOFTWARE, frames * rows * wo.div_ceil(8)),
+            (true, true) if caps.tier == Tier::Software => {
+                (&shaders::SOFTWARE, frames * rows * wo.div_ceil(SOFTWARE_STRIP))
+            }
             (true, true) => (&shaders::BILINEAR4, (pixels * c / 4).div_ceil(64)),
             (true, false) => (&shaders::BILINEAR, (pixels * c).div_ceil(64)),
             (false, true) => (&shaders::BICUBIC4, (pixels * c / 4).div_ceil(64)),

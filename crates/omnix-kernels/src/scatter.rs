@@ -4,7 +4,7 @@
 
 use omnix_shaders::scatter as shaders;
 
-use crate::cover::cover;
+use crate::cover::{cover, unit};
 use crate::gather::{RowWindows, RowsParams, row_windows};
 use crate::{Arg, Caps, Dispatch, KernelError};
 
@@ -41,7 +41,8 @@ impl Scatter {
         if self.n == 0 {
             return Ok(Vec::new());
         }
-        let (shader, unit) = if self.c.is_multiple_of(4) { (&shaders::VEC4, 4) } else { (&shaders::WORDS, 1) };
+        let (shader, unit) =
+            unit(caps, self.c.is_multiple_of(4), [&shaders::WORDS, &shaders::VEC4, &shaders::SOFTWARE]);
         let c = u64::from(self.c);
         let dispatch = |w: &RowWindows| {
             let (x, x_rest) = cover(X, w.first * c, w.m * c, caps);

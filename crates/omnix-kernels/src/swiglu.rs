@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use omnix_shaders::swiglu as shaders;
 
 use crate::cover::{cover, room};
-use crate::{Arg, Caps, Dispatch, KernelError};
+use crate::{Arg, Caps, Dispatch, KernelError, Tier};
 
 /// Input `[m, 2h]`.
 pub const X: Arg = Arg(0);
@@ -52,17 +52,21 @@ impl SwiGlu {
         if rows == 0 {
             return Err(KernelError::RowTooLarge { kernel: "swiglu", bytes: h * 8, limit: caps.max_binding });
         }
-        let (shader, unit) = if h.is_multiple_of(4) { (&shaders::VEC4, 4) } else { (&shaders::WORDS, 1) };
+        // Elements a workgroup owns: `LANES` times `STEPS` in the sidecar file.
+        let (shader, unit, owned) = match caps.tier {
+            Tier::Software if h.is_multiple_of(4) && h >= 32 => (&shaders::SOFTWARE, 4, 512),
+            _ if h.is_multiple_of(4) => (&shaders::VEC4, 4, 64),
+            _ => (&shaders::WORDS, 1, 64),
+        };
         let mut out = Vec::new();
         let mut row = 0;
         while row < m {
             let count = rows.min(m - row);
             let (x, x_rest) = cover(X, row * 2 * h, count * 2 * h, caps);
             let (y, y_rest) = cover(Y, row * h, count * h, caps);
-            let n = count * h / unit;
-            let unit = unit as u32;
+            let n = count * h / u64::from(unit);
             let params = SwiGluParams { n: n as u32, h: self.h / unit, x_rest: x_rest / unit, y_rest: y_rest / unit };
-            out.push(Dispatch::new(shader, &params, &[x, y], n.div_ceil(64)));
+            out.push(Dispatch::new(shader, &params, &[x, y], n.div_ceil(owned)));
             row += count;
         }
         Ok(out)

@@ -5,7 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::token_expand as shaders;
 
-use crate::cover::{cover, room};
+use crate::cover::{cover, room, unit};
 use crate::{Arg, Caps, Dispatch, KernelError};
 
 /// Tokens `[m, d]`.
@@ -120,7 +120,8 @@ impl TokenExpand {
 
     fn dispatch(&self, (r0, rows): (u64, u64), (t0, times): (u64, u64), caps: &Caps) -> Dispatch {
         let (m, d) = (u64::from(self.m), u64::from(self.d));
-        let (shader, unit) = if self.d.is_multiple_of(4) { (&shaders::VEC4, 4) } else { (&shaders::WORDS, 1) };
+        let (shader, unit) =
+            unit(caps, self.d.is_multiple_of(4), [&shaders::WORDS, &shaders::VEC4, &shaders::SOFTWARE]);
         let (q, q_rest) = cover(Q, r0 * d, rows * d, caps);
         let (scale, scale_rest) = cover(SCALE.when(self.scale), t0 * d, times * d, caps);
         let (shift, shift_rest) = cover(SHIFT, t0 * d, times * d, caps);

@@ -1,0 +1,30 @@
+// What kernels over large tensors compute with (Value) and how a buffer holds it (Stored): a number, with VEC4 four of them,
+// and with QUAD four as the two 64-bit words of lib/quad, which cost a software rasteriser half as much.
+#if QUAD
+#import quad
+alias Value = vec4<f32>;
+alias Stored = Quad;
+
+fn lib_value(q: Stored) -> Value {
+    return lib_quad(q);
+}
+
+fn lib_stored(v: Value) -> Stored {
+    return lib_to_quad(v);
+}
+#else
+#if VEC4
+alias Value = vec4<f32>;
+#else
+alias Value = f32;
+#endif
+alias Stored = Value;
+
+fn lib_value(v: Stored) -> Value {
+    return v;
+}
+
+fn lib_stored(v: Value) -> Stored {
+    return v;
+}
+#endif
