@@ -1,8 +1,8 @@
 // resize, software devices, bilinear: see lib/resize_params for the equation and the shapes.
 //
-// A workgroup is one subgroup of 8 lanes and owns $STRIP neighbouring output pixels of a row: for 8 lanes of four channels at
-// a time it walks along the row. Source columns are blended vertically first and kept, so that output pixels that lie
-// between the same columns, and the next two columns after them, share the loads: those cost more than anything else.
+// A workgroup is one subgroup of 8 lanes and owns $STRIP columns of two neighbouring rows of y: for 8 lanes of four channels at
+// a time it walks along them. Columns of x are blended vertically first and kept, so that pixels of y between the same
+// two columns share the loads, as the two rows share a row of x that both need: loads cost more than anything else.
 // Needs c to be a multiple of 4.
 #import resize_params
 #import grid
@@ -12,6 +12,37 @@
 @group(0) @binding(2) var<storage, read> add: array<Quad>;
 @group(0) @binding(3) var<storage, read_write> y: array<Quad>;
 
+// Of two rows of y: where the rows of x start that each lies between, and how far from the first of them.
+struct Rows {
+    top0: u32,
+    bottom0: u32,
+    top1: u32,
+    bottom1: u32,
+    fraction0: f32,
+    fraction1: f32,
+}
+
+// A column of x, blended for each of two rows of y.
+struct Column {
+    first: vec4<f32>,
+    second: vec4<f32>,
+}
+
+fn column(rows: Rows, at: u32) -> Column {
+    let top = lib_quad(x[rows.top0 + at]);
+    let bottom = lib_quad(x[rows.bottom0 + at]);
+    let same = rows.top1 == rows.top0;
+    var top1 = select(bottom, top, same);
+    var bottom1 = bottom;
+    if (!same) {
+        bottom1 = lib_quad(x[rows.bottom1 + at]);
+        if (rows.top1 != rows.bottom0) {
+            top1 = lib_quad(x[rows.top1 + at]);
+        }
+    }
+    return Column(mix(top, bottom, rows.fraction0), mix(top1, bottom1, rows.fraction1));
+}
+
 @compute @workgroup_size(8)
 fn main(
     @builtin(local_invocation_id) local: vec3<u32>,
@@ -20,35 +51,44 @@ fn main(
 ) {
     let lane = local.x;
     let strips = (p.wo + ${STRIP-1}u) / ${STRIP}u;
+    let rows = p.frame_pixels / p.wo;
+    let pairs = (rows + 1u) / 2u;
     let tile = lib_fold(group, groups);
-    // Output rows of all frames in order.
-    let line = tile / strips;
-    if (line * p.wo >= p.pixels) {
+    // Pairs of rows of all frames in order.
+    let pair = tile / strips;
+    let frame = pair / pairs;
+    if (frame * p.frame_pixels >= p.pixels) {
         return;
     }
-    let first = (tile - line * strips) * ${STRIP}u;
-    let count = min(${STRIP}u, p.wo - first);
-    let rows = p.frame_pixels / p.wo;
-    let frame = line / rows;
-    let row = line - frame * rows;
-    let v = lib_coordinate(p.oy0 + row, p.y_a, p.y_b, p.y_d);
+    let start = (tile - pair * strips) * ${STRIP}u;
+    let count = min(${STRIP}u, p.wo - start);
+    let row = (pair - frame * pairs) * 2u;
+    let both = row + 1u < rows;
+    let v0 = lib_coordinate(p.oy0 + row, p.y_a, p.y_b, p.y_d);
+    let v1 = lib_coordinate(p.oy0 + select(row, row + 1u, both), p.y_a, p.y_b, p.y_d);
+    let last_row = i32(p.hi) - 1;
+    let line = p.wi * p.c;
+    let origin = p.x_rest + (frame * p.hi - p.iy0) * line;
+    let between = Rows(
+        origin + u32(min(v0.cell, last_row)) * line, origin + u32(min(v0.cell + 1, last_row)) * line,
+        origin + u32(min(v1.cell, last_row)) * line, origin + u32(min(v1.cell + 1, last_row)) * line,
+        v0.fraction, v1.fraction);
     let last = p.wi - 1u;
-    let top = p.x_rest + (frame * p.hi + u32(min(v.cell, i32(p.hi) - 1)) - p.iy0) * p.wi * p.c;
-    let bottom = p.x_rest + (frame * p.hi + u32(min(v.cell + 1, i32(p.hi) - 1)) - p.iy0) * p.wi * p.c;
     // The horizontal coordinate of lib_coordinate, from pixel to pixel without a division.
-    let n0 = first * p.x_a + p.x_b;
+    let n0 = start * p.x_a + p.x_b;
     let whole = p.x_a / p.x_d;
     let part = p.x_a - whole * p.x_d;
+    let next = p.wo * p.c;
     for (var c = lane; c < p.c; c += 8u) {
         var cell1 = n0 / p.x_d;
         var over = n0 - cell1 * p.x_d;
-        var dest = p.y_rest + (line * p.wo + first) * p.c + c;
-        var extra = p.add_rest + (row * p.wo + first) * p.c + c;
+        var to = p.y_rest + ((frame * rows + row) * p.wo + start) * p.c + c;
+        var extra = p.add_rest + (row * p.wo + start) * p.c + c;
         // The columns a and b are of; none yet.
         var left = 0xffffffffu;
         var right = 0xffffffffu;
-        var a = vec4<f32>(0.0);
-        var b = vec4<f32>(0.0);
+        var a = Column();
+        var b = Column();
         for (var o = 0u; o < count; o++) {
             // Coordinates are one cell up, so that none is negative; those before the first column count as the first.
             let l = min(max(cell1, 1u) - 1u, last);
@@ -58,23 +98,28 @@ fn main(
                 if (l == right) {
                     a = b;
                 } else {
-                    let at = l * p.c + c;
-                    a = mix(lib_quad(x[top + at]), lib_quad(x[bottom + at]), v.fraction);
+                    a = column(between, l * p.c + c);
                 }
                 left = l;
             }
             if (r != right) {
-                let at = r * p.c + c;
-                b = mix(lib_quad(x[top + at]), lib_quad(x[bottom + at]), v.fraction);
+                b = column(between, r * p.c + c);
                 right = r;
             }
-            var sum = mix(a, b, t);
+            var first = mix(a.first, b.first, t);
+            var second = mix(a.second, b.second, t);
             if (p.has_add != 0u) {
-                sum += lib_quad(add[extra]);
+                first += lib_quad(add[extra]);
+                if (both) {
+                    second += lib_quad(add[extra + next]);
+                }
                 extra += p.c;
             }
-            y[dest] = lib_to_quad(sum);
-            dest += p.c;
+            y[to] = lib_to_quad(first);
+            if (both) {
+                y[to + next] = lib_to_quad(second);
+            }
+            to += p.c;
             cell1 += whole;
             over += part;
             if (over >= p.x_d) {

@@ -83,7 +83,7 @@ impl RowsParams {
     /// Parameters in units of `unit` words, and the number of workgroups.
     pub(crate) fn new(windows: &RowWindows, [n, c]: [u32; 2], rests: [u32; 3], unit: u32) -> (Self, u64) {
         let (c, [x_rest, y_rest, i_rest]) = (c / unit, rests);
-        let steps = c.div_ceil(8).clamp(1, 8);
+        let steps = c.div_ceil(8).clamp(1, 64);
         let pieces = c.div_ceil(8 * steps);
         let params = Self {
             m: windows.m as u32,

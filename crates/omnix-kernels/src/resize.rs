@@ -174,7 +174,7 @@ impl Axis {
     }
 }
 
-/// Output pixels a workgroup of the software variant owns (`STRIP` in the sidecar file).
+/// Output columns, of two rows, that a workgroup of the software variant owns (`STRIP` in the sidecar file).
 const SOFTWARE_STRIP: u64 = 64;
 
 impl Resize {
@@ -280,7 +280,7 @@ impl Resize {
         let bilinear = self.filter == Filter::Bilinear;
         let (shader, groups) = match (bilinear, four) {
             (true, true) if caps.tier == Tier::Software => {
-                (&shaders::SOFTWARE, frames * rows * wo.div_ceil(SOFTWARE_STRIP))
+                (&shaders::SOFTWARE, frames * rows.div_ceil(2) * wo.div_ceil(SOFTWARE_STRIP))
             }
             (true, true) => (&shaders::BILINEAR4, (pixels * c / 4).div_ceil(64)),
             (true, false) => (&shaders::BILINEAR, (pixels * c).div_ceil(64)),
