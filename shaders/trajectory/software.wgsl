@@ -7,13 +7,14 @@
 #import deform_params
 #import motion
 #import grid
+#import quad
 
 @group(0) @binding(1) var<storage, read> offsets: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read> weights: array<f32>;
-@group(0) @binding(3) var<uniform> f0: array<vec4<f32>, 4096>;
-@group(0) @binding(4) var<uniform> f1: array<vec4<f32>, 4096>;
-@group(0) @binding(5) var<uniform> f2: array<vec4<f32>, 4096>;
-@group(0) @binding(6) var<uniform> f3: array<vec4<f32>, 4096>;
+@group(0) @binding(3) var<uniform> f0: array<Quad, 4096>;
+@group(0) @binding(4) var<uniform> f1: array<Quad, 4096>;
+@group(0) @binding(5) var<uniform> f2: array<Quad, 4096>;
+@group(0) @binding(6) var<uniform> f3: array<Quad, 4096>;
 #if OWN
 @group(0) @binding(7) var<storage, read> pixels: array<u32>;
 @group(0) @binding(8) var<storage, read> x: array<f32>;
@@ -73,9 +74,9 @@ fn main(
                 let at = taps.cell[$c] * 3u;
                 let weight = vec4<f32>(taps.weight[$c]);
 #for t in 0..$TW
-                a$t = fma(weight, f$l[at + slot$t], a$t);
-                b$t = fma(weight, f$l[at + slot$t + 1u], b$t);
-                c$t = fma(weight, f$l[at + slot$t + 2u], c$t);
+                a$t = fma(weight, lib_quad(f$l[at + slot$t]), a$t);
+                b$t = fma(weight, lib_quad(f$l[at + slot$t + 1u]), b$t);
+                c$t = fma(weight, lib_quad(f$l[at + slot$t + 2u]), c$t);
 #end
             }
 #end
