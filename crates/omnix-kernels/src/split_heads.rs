@@ -14,7 +14,7 @@ use bytemuck::{Pod, Zeroable};
 use omnix_shaders::split_heads as shaders;
 
 use crate::dispatch::round_up;
-use crate::{Arg, Caps, Dispatch, KernelError};
+use crate::{Arg, Caps, Dispatch, KernelError, Tier};
 
 /// Input `[groups · tokens, x_stride]`.
 pub const X: Arg = Arg(0);
@@ -255,8 +255,12 @@ impl SplitHeads {
         let skip = row0 * u64::from(self.x_stride) - x_start / 4;
         let rope = self.rope_rows.is_some();
         let fours = self.x_stride.is_multiple_of(4) && self.x_offset.is_multiple_of(4);
-        let shader =
-            if fours && (!rope || self.head_dim.is_multiple_of(16)) { &shaders::VEC4 } else { &shaders::BASELINE };
+        let shader = match caps.tier {
+            _ if !fours || rope && !self.head_dim.is_multiple_of(16) => &shaders::BASELINE,
+            Tier::Software if self.layout == HeadLayout::Rows => &shaders::SOFTWARE_ROWS,
+            Tier::Software => &shaders::SOFTWARE_KEYS,
+            _ => &shaders::VEC4,
+        };
         let set = |on: bool, flag: u32| if on { flag } else { 0 };
         let params = SplitHeadsParams {
             tokens: self.tokens,
