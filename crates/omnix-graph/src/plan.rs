@@ -1,6 +1,6 @@
 //! A plan: fused graph, chains, chunk sizes, buffers. Everything is known here before a device is touched.
 
-use omnix_kernels::{Caps, PackedWeights, WeightType};
+use omnix_kernels::{Caps, Dispatch, PackedWeights, WeightType};
 
 use crate::algorithm;
 use crate::error::GraphError;
@@ -8,6 +8,7 @@ use crate::fuse::fuse;
 use crate::graph::{Graph, Node, Source, Value};
 use crate::memory::{MemoryPlan, Place, assign};
 use crate::op::{Op, WeightForm};
+use crate::record::record;
 use crate::schedule::{Segment, segments};
 use crate::weights::{Packing, WeightKey};
 
@@ -96,6 +97,16 @@ impl Plan {
                 (self.graph.value_name(first.outputs[0]).to_owned(), chain.rows, chain.chunk_rows(self.parts))
             })
             .collect()
+    }
+
+    /// One dispatch of each kernel variant this plan needs, in the order of their first use.
+    ///
+    /// # Errors
+    /// As a run would.
+    pub fn kernels(&self) -> Result<Vec<Dispatch>, GraphError> {
+        let mut seen = rustc_hash::FxHashSet::default();
+        let recorded = record(self)?.into_iter().flat_map(|call| call.dispatches);
+        Ok(recorded.filter(|d| seen.insert((d.shader.kernel, d.shader.variant))).collect())
     }
 
     /// Where `value` lives.

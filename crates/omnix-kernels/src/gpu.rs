@@ -6,7 +6,7 @@ use omnix_shaders::{Access, Shader};
 use rustc_hash::FxHashMap;
 
 use crate::caps::UNIFORM_WINDOW;
-use crate::{Caps, KernelError};
+use crate::{Caps, Dispatch, KernelError};
 
 /// A device, its queue, its facts, and a pipeline a shader. Cheap to clone; the host keeps its own handles.
 #[derive(Clone, Debug)]
@@ -22,7 +22,7 @@ pub struct Gpu {
 
 #[derive(Debug)]
 struct Shared {
-    pipelines: Mutex<FxHashMap<(&'static str, &'static str), Arc<Pipeline>>>,
+    pipelines: Mutex<FxHashMap<(&'static str, &'static str), Arc<Made>>>,
     /// Bound where an optional argument is absent.
     absent: wgpu::Buffer,
     lost: Arc<OnceLock<String>>,
@@ -34,6 +34,9 @@ pub(crate) struct Pipeline {
     pub(crate) pipeline: wgpu::ComputePipeline,
     pub(crate) layout: wgpu::BindGroupLayout,
 }
+
+/// A pipeline, once it is made: locked while it is, so that two threads never make the same one, and never wait for others.
+type Made = Mutex<Option<Arc<Pipeline>>>;
 
 /// Bytes of the buffer bound for absent arguments: a full uniform window would also fit.
 const ABSENT_BYTES: u64 = 65_536;
@@ -98,12 +101,6 @@ impl Gpu {
         Ok(())
     }
 
-    /// Number of pipelines made so far.
-    #[must_use]
-    pub fn pipeline_count(&self) -> usize {
-        self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner).len()
-    }
-
     pub(crate) fn absent(&self) -> &wgpu::Buffer {
         &self.shared.absent
     }
@@ -126,16 +123,29 @@ impl Gpu {
         }
     }
 
+    /// Makes the pipeline of `dispatch` before it is needed; whoever needs it meanwhile waits for this one. Threads may make
+    /// several at once.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn prepare(&self, dispatch: &Dispatch) -> Result<(), KernelError> {
+        self.pipeline(dispatch.shader).map(drop)
+    }
+
     /// The pipeline of `shader`, made at first use.
     pub(crate) fn pipeline(&self, shader: &'static Shader) -> Result<Arc<Pipeline>, KernelError> {
         let key = (shader.kernel, shader.variant);
-        let mut pipelines = self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = pipelines.get(&key) {
+        let cell = {
+            let mut pipelines = self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+            Arc::clone(pipelines.entry(key).or_default())
+        };
+        let mut made = cell.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = made.as_ref() {
             return Ok(Arc::clone(found));
         }
-        let made = Arc::new(self.make_pipeline(shader)?);
-        pipelines.insert(key, Arc::clone(&made));
-        Ok(made)
+        let pipeline = Arc::new(self.make_pipeline(shader)?);
+        *made = Some(Arc::clone(&pipeline));
+        Ok(pipeline)
     }
 
     fn make_pipeline(&self, shader: &'static Shader) -> Result<Pipeline, KernelError> {

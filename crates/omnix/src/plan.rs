@@ -102,7 +102,7 @@ impl RunPlan {
     }
 
     /// Every plan, and how often it runs.
-    fn plans(&self) -> impl Iterator<Item = (&Plan, u64)> {
+    pub(crate) fn plans(&self) -> impl Iterator<Item = (&Plan, u64)> {
         let images = self.request.images;
         let motion = self
             .motion

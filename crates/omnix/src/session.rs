@@ -4,6 +4,7 @@ mod motion;
 mod readback;
 mod stages;
 mod upload;
+mod warmup;
 
 use std::ops::ControlFlow;
 
@@ -20,6 +21,7 @@ use crate::progress::Progress;
 use crate::weights::Weights;
 use readback::{HandOut, Resident, Results};
 use upload::{Stage, StageWeights};
+use warmup::Warmup;
 
 /// What was found out about one image.
 #[derive(Clone, Debug)]
@@ -65,6 +67,8 @@ pub struct Session {
     plan: RunPlan,
     weights: StageWeights,
     backbone: Option<Executable>,
+    /// Ends when the session does.
+    _warmup: Warmup,
     /// Bytes of images written since the last submission.
     unflushed: u64,
 }
@@ -76,14 +80,16 @@ const FLUSH: u64 = 4 << 20;
 pub(crate) type Listener<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
 
 impl Session {
-    /// Uploads the weights (of the first stage, if the plan does not keep them all) and allocates the backbone.
+    /// Uploads the weights (of the first stage, if the plan does not keep them all) and allocates the backbone. Meanwhile, and
+    /// while the first stages run, another thread makes the pipelines of all stages.
     ///
     /// # Errors
     /// When a weight of any stage is damaged, memory runs out, or `progress` broke off.
     pub fn new(engine: &Engine, weights: &Weights, plan: RunPlan, progress: Listener<'_>) -> Result<Self, OmnixError> {
+        let warmup = Warmup::start(engine.gpu(), &plan);
         let weights = StageWeights::new(engine.gpu(), weights, &plan, progress)?;
         let backbone = Executable::new(engine.gpu(), plan.backbone.clone(), weights.store(), &Bindings::default())?;
-        Ok(Self { engine: engine.clone(), plan, weights, backbone: Some(backbone), unflushed: 0 })
+        Ok(Self { engine: engine.clone(), plan, weights, backbone: Some(backbone), _warmup: warmup, unflushed: 0 })
     }
 
     /// The plan.
