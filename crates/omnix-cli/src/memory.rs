@@ -11,10 +11,10 @@ use omnix::{RunPlan, Tier};
 
 use crate::args::RunArgs;
 
-/// The program, the driver, its compiler and the kernels of the geometry network.
-const PROGRAM: u64 = 118 << 20;
+/// The program, the driver, its compiler and the kernels of the geometry network, made on several threads.
+const PROGRAM: u64 = 131 << 20;
 /// The kernels of the trajectory module and its sampling head, and what its stages leave behind.
-const MOTION: u64 = 40 << 20;
+const MOTION: u64 = 30 << 20;
 
 /// What the process will hold at most; none on a GPU, which has memory of its own.
 pub(crate) fn process(plan: &RunPlan, exports: &[Export], args: &RunArgs, tier: Tier) -> Option<u64> {
