@@ -1,4 +1,4 @@
-//! A convolution is computed by the algorithm that suits it, and is the same convolution.
+//! A convolution is computed by the algorithm that suits it, and is the same convolution; a plan says which kernels it needs.
 
 use omnix_graph::op::{Op, WeightForm};
 use omnix_graph::{Graph, Plan, PlanOptions};
@@ -40,4 +40,31 @@ fn both_algorithms_give_the_same_map() {
     for map in &maps[1..] {
         assert_close("by tier", map, &maps[0], 4e-6);
     }
+}
+
+#[test]
+fn a_plan_names_each_kernel_once_in_the_order_of_use() {
+    let kernels = |caps: &Caps| {
+        let plan = Plan::new(&graph(), caps, &PlanOptions::default()).expect("plans");
+        let kernels = plan.kernels().expect("records");
+        kernels.iter().map(|d| format!("{}/{}", d.shader.kernel, d.shader.variant)).collect::<Vec<_>>()
+    };
+    let winograd = ["winograd/input", "winograd/product", "winograd/output", "conv2d/software"];
+    assert_eq!(kernels(&Caps { tier: Tier::Software, ..Caps::baseline() }), winograd);
+    // Both convolutions by one kernel.
+    assert_eq!(kernels(&Caps::baseline()), ["conv2d/baseline"]);
+}
+
+#[test]
+fn pipelines_made_ahead_by_several_threads_are_the_ones_that_run() {
+    let gpu = tiers().pop().expect("a tier");
+    let plan = Plan::new(&graph(), &gpu.caps, &PlanOptions::default()).expect("plans");
+    let kernels = plan.kernels().expect("records");
+    std::thread::scope(|scope| {
+        for _ in 0..3 {
+            scope.spawn(|| kernels.iter().for_each(|d| gpu.prepare(d).expect("is made")));
+        }
+    });
+    let whole = run(&gpu, &graph(), &PlanOptions::default());
+    assert_close("with pipelines made ahead", &whole, &run(&tiers()[0], &graph(), &PlanOptions::default()), 4e-6);
 }
