@@ -1,8 +1,7 @@
 // copy: y[dst0 + sum_d i_d * dst_d] = x[src0 + sum_d i_d * src_d] for all i in the shape.
 //
 // Dimensions come innermost first: dims[d] = (extent, source stride, destination stride, unused), d < rank.
-// Everything is counted in elements: items, see lib/item. Elements are
-// moved as bits, so NaN payloads and integers survive.
+// Everything is counted in the items of lib/item, which are moved as bits: NaN payloads and integers survive.
 //
 // Eight neighbouring invocations share a piece of one line (the innermost dimension), `steps` elements
 // each, 8 apart: the integer divisions that find the line cost more than the copy on software devices.

@@ -30,9 +30,8 @@ struct Params {
     pad0: u32,
 }
 
-const B_NONE: u32 = 0u;
+// b_mode: 0 no b, 1 as a, 2 any place, 3 any place that four neighbours share.
 const B_SAME: u32 = 1u;
-const B_GENERAL: u32 = 2u;
 const B_PER_FOUR: u32 = 3u;
 
 @group(0) @binding(0) var<uniform> p: Params;

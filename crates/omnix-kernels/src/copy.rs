@@ -9,7 +9,7 @@
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::copy as shaders;
 
-use crate::cover::{cover, room, unit};
+use crate::cover::{cover, room, steps, unit};
 use crate::{Arg, Caps, Dispatch, KernelError};
 
 /// What is read.
@@ -195,7 +195,7 @@ fn dispatch(part: &Part, src: u64, dst: u64, caps: &Caps) -> Dispatch {
     let (x, src0) = cover(X, part.src * words, src * words, caps);
     let (y, dst0) = cover(Y, part.dst * words, dst * words, caps);
     let line = part.dims[0].n;
-    let steps = line.div_ceil(8).clamp(1, 64);
+    let steps = u64::from(steps(caps, line as u32));
     let pieces = line.div_ceil(8 * steps);
     let total = pieces * part.dims[1..].iter().map(|d| d.n).product::<u64>();
     let mut dims = [[1, 0, 0, 0]; 6];

@@ -29,6 +29,12 @@ pub(crate) fn unit(caps: &Caps, fours: bool, [words, vec4, software]: [&'static 
     }
 }
 
+/// Elements of a line that each of eight neighbouring invocations moves: a software device saves divisions, a GPU wants many
+/// invocations.
+pub(crate) fn steps(caps: &Caps, line: u32) -> u32 {
+    line.div_ceil(8).clamp(1, if caps.tier == Tier::Software { 64 } else { 8 })
+}
+
 #[cfg(test)]
 mod tests {
     use super::{cover, room};

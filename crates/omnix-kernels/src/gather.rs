@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::gather as shaders;
 
-use crate::cover::{cover, room, unit};
+use crate::cover::{cover, room, steps, unit};
 use crate::{Arg, Caps, Dispatch, KernelError};
 
 /// Input `[n, c]`.
@@ -81,9 +81,9 @@ pub(crate) fn row_windows(
 
 impl RowsParams {
     /// Parameters in units of `unit` words, and the number of workgroups.
-    pub(crate) fn new(windows: &RowWindows, [n, c]: [u32; 2], rests: [u32; 3], unit: u32) -> (Self, u64) {
+    pub(crate) fn new(windows: &RowWindows, [n, c]: [u32; 2], rests: [u32; 3], unit: u32, caps: &Caps) -> (Self, u64) {
         let (c, [x_rest, y_rest, i_rest]) = (c / unit, rests);
-        let steps = c.div_ceil(8).clamp(1, 64);
+        let steps = steps(caps, c);
         let pieces = c.div_ceil(8 * steps);
         let params = Self {
             m: windows.m as u32,
@@ -127,7 +127,7 @@ impl Gather {
             let (x, x_rest) = cover(X, w.lo * c, (w.hi - w.lo) * c, caps);
             let (y, y_rest) = cover(Y, w.first * c, w.m * c, caps);
             let (index, i_rest) = cover(INDEX, w.first, w.m, caps);
-            let (params, groups) = RowsParams::new(w, [self.n, self.c], [x_rest, y_rest, i_rest], unit);
+            let (params, groups) = RowsParams::new(w, [self.n, self.c], [x_rest, y_rest, i_rest], unit, caps);
             Dispatch::new(shader, &params, &[x, index, y], groups)
         };
         Ok(row_windows("gather", [self.n, self.m, self.c], caps)?.iter().map(dispatch).collect())

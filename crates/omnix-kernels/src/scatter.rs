@@ -48,7 +48,7 @@ impl Scatter {
             let (x, x_rest) = cover(X, w.first * c, w.m * c, caps);
             let (y, y_rest) = cover(Y, w.lo * c, (w.hi - w.lo) * c, caps);
             let (index, i_rest) = cover(INDEX, w.first, w.m, caps);
-            let (params, groups) = RowsParams::new(w, [self.n, self.c], [x_rest, y_rest, i_rest], unit);
+            let (params, groups) = RowsParams::new(w, [self.n, self.c], [x_rest, y_rest, i_rest], unit, caps);
             Dispatch::new(shader, &params, &[x, index, y], groups)
         };
         Ok(row_windows("scatter", [self.n, self.m, self.c], caps)?.iter().map(dispatch).collect())

@@ -5,7 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::token_expand as shaders;
 
-use crate::cover::{cover, room, unit};
+use crate::cover::{cover, room, steps, unit};
 use crate::{Arg, Caps, Dispatch, KernelError};
 
 /// Tokens `[m, d]`.
@@ -130,7 +130,7 @@ impl TokenExpand {
         let (z, z_rest) = cover(Z, (t0 * m + r0) * d, ((times - 1) * m + rows) * d, caps);
         let set = |on: bool, flag: u32| if on { flag } else { 0 };
         let width = self.d / unit;
-        let steps = width.div_ceil(8).clamp(1, 64);
+        let steps = steps(caps, width);
         let pieces = width.div_ceil(8 * steps);
         let params = TokenExpandParams {
             rows: rows as u32,
