@@ -1,6 +1,6 @@
 // Four floats in a buffer as two 64-bit words: a software rasteriser loads and stores every component of every
-// lane by itself, so half as many components are half the work. It pays for what lies in the caches, the operands of
-// products; norms and pointwise kernels over large tensors became slower (BENCHMARKS.md).
+// lane by itself, so half as many components are half the work. Kernels over large tensors gain by it only
+// where they walk memory in order (BENCHMARKS.md, "Kernels that wait for memory").
 alias Quad = vec2<u64>;
 
 fn lib_quad_bits(q: Quad) -> vec4<u32> {

@@ -132,8 +132,8 @@ impl Linear {
                 };
                 return self.uniform_windows(shader, (row0, m), out);
             }
-            (Tier::Software, WeightType::F32) if fours => (&shaders::SOFTWARE, Form::Software(48)),
-            (Tier::Software, WeightType::F16) if fours => (&shaders::SOFTWARE_W16, Form::Software(48)),
+            (Tier::Software, WeightType::F32) if fours => (&shaders::SOFTWARE, Form::Software(40)),
+            (Tier::Software, WeightType::F16) if fours => (&shaders::SOFTWARE_W16, Form::Software(40)),
             (Tier::Software, WeightType::I8) if fours => (&shaders::SOFTWARE_W8, Form::Software(32)),
             (Tier::Gpu, storage) if fours => (tile(storage, caps), Form::Gpu),
             (_, WeightType::F32) => (&shaders::BASELINE, Form::Baseline),
