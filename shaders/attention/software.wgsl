@@ -143,24 +143,17 @@ fn main(
 #end
         at = kv + block * ${DP*8}u;
         for (var j = 0u; j < 8u; j++) {
-#for c in 0..4
 #for v in 0..${DP/32}
-            let v${c}_$v = lib_quad(v[at + ${v*8}u]);
-#end
-            at += ${DP/4}u;
+#for c in 0..4
+            let v${c}_$v = lib_quad(v[at + ${v*8+c*DP/4}u]);
 #end
 #for t in 0..$TM
-            {
 #for c in 0..4
-                let weight$c = vec4<f32>(subgroupShuffle(s$t[$c], j));
-#end
-#for v in 0..${DP/32}
-#for c in 0..4
-                o${t}_$v = fma(weight$c, v${c}_$v, o${t}_$v);
+            o${t}_$v = fma(vec4<f32>(subgroupShuffle(s$t[$c], j)), v${c}_$v, o${t}_$v);
 #end
 #end
-            }
 #end
+            at += ${DP}u;
         }
     }
 #for r in 0..${TM/8}

@@ -1,16 +1,49 @@
 // resize, software devices, bilinear: see lib/resize_params for the equation and the shapes.
 //
-// A workgroup is one subgroup of 8 lanes and owns $STRIP columns of two neighbouring rows of y: for 8 lanes of four channels at
-// a time it walks along them. Columns of x are blended vertically first and kept, so that pixels of y between the same
+// A workgroup is one subgroup of 8 lanes and owns $STRIP columns of two neighbouring rows of y: for 8 lanes of four channels (WIDE:
+// eight) at a time it walks along them. Columns of x are blended vertically first and kept, so that pixels of y between the same
 // two columns share the loads, as the two rows share a row of x that both need: loads cost more than anything else.
-// Needs c to be a multiple of 4.
+// Needs c to be a multiple of 4; WIDE of 64, since lanes without channels would cost what it saves.
 #import resize_params
 #import grid
 #import quad
 
-@group(0) @binding(1) var<storage, read> x: array<Quad>;
-@group(0) @binding(2) var<storage, read> add: array<Quad>;
-@group(0) @binding(3) var<storage, read_write> y: array<Quad>;
+// The channels of a lane, in a buffer and as numbers.
+#if WIDE
+alias Stored = Wide;
+alias Value = mat2x4<f32>;
+
+fn number(w: Stored) -> Value {
+    return lib_wide(w);
+}
+
+fn stored(v: Value) -> Stored {
+    return lib_to_wide(v[0], v[1]);
+}
+
+fn blend(a: Value, b: Value, t: f32) -> Value {
+    return Value(mix(a[0], b[0], t), mix(a[1], b[1], t));
+}
+#else
+alias Stored = Quad;
+alias Value = vec4<f32>;
+
+fn number(q: Stored) -> Value {
+    return lib_quad(q);
+}
+
+fn stored(v: Value) -> Stored {
+    return lib_to_quad(v);
+}
+
+fn blend(a: Value, b: Value, t: f32) -> Value {
+    return mix(a, b, t);
+}
+#endif
+
+@group(0) @binding(1) var<storage, read> x: array<Stored>;
+@group(0) @binding(2) var<storage, read> add: array<Stored>;
+@group(0) @binding(3) var<storage, read_write> y: array<Stored>;
 
 // Of two rows of y: where the rows of x start that each lies between, and how far from the first of them.
 struct Rows {
@@ -24,23 +57,23 @@ struct Rows {
 
 // A column of x, blended for each of two rows of y.
 struct Column {
-    first: vec4<f32>,
-    second: vec4<f32>,
+    first: Value,
+    second: Value,
 }
 
 fn column(rows: Rows, at: u32) -> Column {
-    let top = lib_quad(x[rows.top0 + at]);
-    let bottom = lib_quad(x[rows.bottom0 + at]);
-    let same = rows.top1 == rows.top0;
-    var top1 = select(bottom, top, same);
+    let top = number(x[rows.top0 + at]);
+    let bottom = number(x[rows.bottom0 + at]);
+    var top1 = top;
     var bottom1 = bottom;
-    if (!same) {
-        bottom1 = lib_quad(x[rows.bottom1 + at]);
+    if (rows.top1 != rows.top0) {
+        top1 = bottom;
+        bottom1 = number(x[rows.bottom1 + at]);
         if (rows.top1 != rows.bottom0) {
-            top1 = lib_quad(x[rows.top1 + at]);
+            top1 = number(x[rows.top1 + at]);
         }
     }
-    return Column(mix(top, bottom, rows.fraction0), mix(top1, bottom1, rows.fraction1));
+    return Column(blend(top, bottom, rows.fraction0), blend(top1, bottom1, rows.fraction1));
 }
 
 @compute @workgroup_size(8)
@@ -106,18 +139,18 @@ fn main(
                 b = column(between, r * p.c + c);
                 right = r;
             }
-            var first = mix(a.first, b.first, t);
-            var second = mix(a.second, b.second, t);
+            var first = blend(a.first, b.first, t);
+            var second = blend(a.second, b.second, t);
             if (p.has_add != 0u) {
-                first += lib_quad(add[extra]);
+                first += number(add[extra]);
                 if (both) {
-                    second += lib_quad(add[extra + next]);
+                    second += number(add[extra + next]);
                 }
                 extra += p.c;
             }
-            y[to] = lib_to_quad(first);
+            y[to] = stored(first);
             if (both) {
-                y[to + next] = lib_to_quad(second);
+                y[to + next] = stored(second);
             }
             to += p.c;
             cell1 += whole;

@@ -31,7 +31,7 @@ fn unary_operations_match_the_oracle() {
         Unary::ExpClamped { low: -2.0, high: 1.0 },
         Unary::Tanh,
     ];
-    for n in [1u32, 7, 64, 300, 4100] {
+    for n in [1u32, 7, 64, 300, 4100, 4104] {
         let mut rng = Rng::new(n.into());
         for op in all {
             let mut a: Vec<f32> = rng.normal(n as usize).iter().map(|v| v * 4.0).collect();
@@ -65,7 +65,7 @@ fn extremes_stay_where_they_belong() {
 #[test]
 fn binary_operations_broadcast() {
     let all = [Binary::Add, Binary::Sub, Binary::Mul, Binary::Div, Binary::Max, Binary::Min];
-    for (m, c) in [(1, 1), (3, 5), (7, 4), (5, 96), (33, 12), (64, 130), (300, 28)] {
+    for (m, c) in [(1, 1), (3, 5), (7, 4), (5, 96), (33, 12), (64, 130), (300, 28), (90, 48)] {
         let n = m * c;
         let mut rng = Rng::new(u64::from(n));
         let operands = [Operand::same(n), Operand::row(c), Operand::column(m, c), Operand::single()];

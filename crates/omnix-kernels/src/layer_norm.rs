@@ -84,10 +84,10 @@ impl LayerNorm {
             return Err(KernelError::RowTooLarge { kernel, bytes: rows * row_bytes, limit });
         }
         let (shader, group_rows) = match caps.tier {
-            Tier::Software if self.c.is_multiple_of(4) && self.act == Activation::None => {
+            Tier::Software if self.c.is_multiple_of(8) && self.act == Activation::None => {
                 (&shaders::SOFTWARE, SOFTWARE_ROWS)
             }
-            Tier::Software if self.c.is_multiple_of(4) => (&shaders::SOFTWARE_ACT, SOFTWARE_ROWS),
+            Tier::Software if self.c.is_multiple_of(8) => (&shaders::SOFTWARE_ACT, SOFTWARE_ROWS),
             Tier::Gpu if caps.subgroup.is_some() && self.c.is_multiple_of(4) && self.c <= SUBGROUP_CHANNELS => {
                 (&shaders::SUBGROUP, 1)
             }

@@ -84,12 +84,12 @@ pub enum Binary {
     Sub = 1,
     /// `a · b`.
     Mul = 2,
-    /// `a / b`.
-    Div = 3,
     /// The greater.
-    Max = 4,
+    Max = 3,
     /// The smaller.
-    Min = 5,
+    Min = 4,
+    /// `a / b`.
+    Div = 5,
 }
 
 /// Which element of b belongs to element i of a: `(i / div) % len`.
@@ -168,7 +168,9 @@ crate::layout::layout!(PointwiseParams { n, op, b_mode, b_div, b_len, first, b_f
 const B_NONE: u32 = 0;
 const B_SAME: u32 = 1;
 const B_GENERAL: u32 = 2;
-const B_PER_FOUR: u32 = 3;
+const B_SHARED: u32 = 3;
+/// Numbers of the first operation on one number, of which [`Unary::code`] has the rest.
+const UNARY: u32 = 6;
 
 impl Unary {
     /// Number in the shader, and its two constants.
@@ -178,19 +180,19 @@ impl Unary {
             Self::Neg => (7, 0.0, 0.0),
             Self::Abs => (8, 0.0, 0.0),
             Self::Square => (9, 0.0, 0.0),
-            Self::Reciprocal => (10, 0.0, 0.0),
-            Self::ScaleShift { s, t } => (11, s, t),
-            Self::Clamp { low, high } => (12, low, high),
-            Self::Sqrt => (13, 0.0, 0.0),
-            Self::Below { limit } => (14, limit, 0.0),
-            Self::Gelu => (16, 0.0, 0.0),
-            Self::Silu => (17, 0.0, 0.0),
-            Self::Sigmoid => (18, 0.0, 0.0),
-            Self::Softplus => (19, 0.0, 0.0),
-            Self::Exp => (20, 0.0, 0.0),
-            Self::Log => (21, 0.0, 0.0),
-            Self::ExpClamped { low, high } => (22, low, high),
-            Self::Tanh => (23, 0.0, 0.0),
+            Self::ScaleShift { s, t } => (10, s, t),
+            Self::Clamp { low, high } => (11, low, high),
+            Self::Below { limit } => (12, limit, 0.0),
+            Self::Reciprocal => (13, 0.0, 0.0),
+            Self::Sqrt => (14, 0.0, 0.0),
+            Self::Gelu => (15, 0.0, 0.0),
+            Self::Silu => (16, 0.0, 0.0),
+            Self::Sigmoid => (17, 0.0, 0.0),
+            Self::Softplus => (18, 0.0, 0.0),
+            Self::Exp => (19, 0.0, 0.0),
+            Self::Log => (20, 0.0, 0.0),
+            Self::ExpClamped { low, high } => (21, low, high),
+            Self::Tanh => (22, 0.0, 0.0),
         }
     }
 }
@@ -238,18 +240,24 @@ impl Pointwise {
         }
         let b = b.unwrap_or(Operand::single());
         let same = b.div == 1 && b.len >= self.n;
-        let (four_b, four_div) = (b.len.is_multiple_of(4) && b.div == 1, b.div.is_multiple_of(4) || b.len == 1);
-        let vec4 = self.n.is_multiple_of(4) && (op >= 6 || four_b || four_div);
-        let b_mode = match () {
-            () if op >= 6 => B_NONE,
-            () if same => B_SAME,
-            () if vec4 && !four_b => B_PER_FOUR,
-            () => B_GENERAL,
+        // Whether b is taken, or shared, by `unit` neighbours at a time, and whether all is a multiple of it.
+        let taken = |unit: u32| b.len.is_multiple_of(unit) && b.div == 1;
+        let fits = |unit: u32| {
+            let shared = b.div.is_multiple_of(unit) || b.len == 1;
+            self.n.is_multiple_of(unit) && (op >= UNARY || taken(unit) || shared)
         };
         // A loop costs a software device less than an invocation; a GPU wants many invocations.
-        let (shader, lanes, steps) = match caps.tier {
-            Tier::Software if vec4 => (&shaders::SOFTWARE, 8, 64),
-            tier => (if vec4 { &shaders::VEC4 } else { &shaders::WORDS }, 64, if tier == Tier::Gpu { 1 } else { 8 }),
+        let looped = if caps.tier == Tier::Gpu { 1 } else { 8 };
+        let (shader, lanes, unit, steps) = match caps.tier {
+            Tier::Software if fits(8) => (&shaders::SOFTWARE, 8, 8, 32),
+            _ if fits(4) => (&shaders::VEC4, 64, 4, looped),
+            _ => (&shaders::WORDS, 64, 1, looped),
+        };
+        let b_mode = match () {
+            () if op >= UNARY => B_NONE,
+            () if same => B_SAME,
+            () if unit > 1 && !taken(unit) => B_SHARED,
+            () => B_GENERAL,
         };
         let (n, room) = (u64::from(self.n), room(caps) / 64 * 64);
         // A period of b's repetition, where b has to be seen piece by piece.
@@ -287,10 +295,10 @@ impl Pointwise {
                 steps: steps as u32,
                 pad0: 0,
             };
-            let by_four = if vec4 { matches!(b_mode, B_SAME | B_GENERAL) } else { b_mode == B_SAME };
+            let by_unit = if unit > 1 { matches!(b_mode, B_SAME | B_GENERAL) } else { b_mode == B_SAME };
             let absent = Arg::ABSENT.into();
-            let (b4, b1) = if by_four { (b_window, absent) } else { (absent, b_window) };
-            let groups = len.div_ceil(4 * lanes * steps);
+            let (b4, b1) = if by_unit { (b_window, absent) } else { (absent, b_window) };
+            let groups = len.div_ceil(u64::from(unit.max(4)) * lanes * steps);
             out.push(Dispatch::new(shader, &params, &[a_window, b4, b1, y_window], groups));
             first += len;
         }

@@ -276,18 +276,21 @@ impl Resize {
         let (y, y_rest) = cover(Y, (frame * ho + row) * wo * c, pixels * c, caps);
         let (add, add_rest) =
             if self.add { cover(ADD, row * wo * c, rows * wo * c, caps) } else { (Arg::ABSENT.into(), 0) };
-        let four = self.c.is_multiple_of(4);
-        let bilinear = self.filter == Filter::Bilinear;
-        let (shader, groups) = match (bilinear, four) {
-            (true, true) if caps.tier == Tier::Software => {
-                (&shaders::SOFTWARE, frames * rows.div_ceil(2) * wo.div_ceil(SOFTWARE_STRIP))
-            }
-            (true, true) => (&shaders::BILINEAR4, (pixels * c / 4).div_ceil(64)),
-            (true, false) => (&shaders::BILINEAR, (pixels * c).div_ceil(64)),
-            (false, true) => (&shaders::BICUBIC4, (pixels * c / 4).div_ceil(64)),
-            (false, false) => (&shaders::BICUBIC, (pixels * c).div_ceil(64)),
+        let (bilinear, software) = (self.filter == Filter::Bilinear, caps.tier == Tier::Software);
+        // A variant, and the channels that it takes at a time.
+        let (shader, unit) = match (bilinear, self.c.is_multiple_of(4)) {
+            (true, _) if software && self.c.is_multiple_of(64) => (&shaders::SOFTWARE8, 8),
+            (true, true) if software => (&shaders::SOFTWARE, 4),
+            (true, true) => (&shaders::BILINEAR4, 4),
+            (true, false) => (&shaders::BILINEAR, 1),
+            (false, true) => (&shaders::BICUBIC4, 4),
+            (false, false) => (&shaders::BICUBIC, 1),
         };
-        let unit = if four { 4 } else { 1 };
+        let groups = if software && bilinear && unit > 1 {
+            frames * rows.div_ceil(2) * wo.div_ceil(SOFTWARE_STRIP)
+        } else {
+            (pixels * c / u64::from(unit)).div_ceil(64)
+        };
         let params = ResizeParams {
             pixels: pixels as u32,
             frame_pixels: (rows * wo) as u32,
