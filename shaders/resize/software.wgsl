@@ -3,7 +3,8 @@
 // A workgroup is one subgroup of 8 lanes and owns $STRIP columns of two neighbouring rows of y: for 8 lanes of four channels (WIDE:
 // eight) at a time it walks along them. Columns of x are blended vertically first and kept, so that pixels of y between the same
 // two columns share the loads, as the two rows share a row of x that both need: loads cost more than anything else.
-// Needs c to be a multiple of 4; WIDE of 64, since lanes without channels would cost what it saves.
+// Needs c to be a multiple of 4; WIDE of 64, since lanes without channels would cost what it saves. WORD takes one channel a
+// lane, any number of them.
 #import resize_params
 #import grid
 #import quad
@@ -25,6 +26,18 @@ fn blend(a: Value, b: Value, t: f32) -> Value {
     return Value(mix(a[0], b[0], t), mix(a[1], b[1], t));
 }
 #else
+#if WORD
+alias Stored = f32;
+alias Value = f32;
+
+fn number(v: Stored) -> Value {
+    return v;
+}
+
+fn stored(v: Value) -> Stored {
+    return v;
+}
+#else
 alias Stored = Quad;
 alias Value = vec4<f32>;
 
@@ -35,6 +48,7 @@ fn number(q: Stored) -> Value {
 fn stored(v: Value) -> Stored {
     return lib_to_quad(v);
 }
+#endif
 
 fn blend(a: Value, b: Value, t: f32) -> Value {
     return mix(a, b, t);

@@ -281,12 +281,13 @@ impl Resize {
         let (shader, unit) = match (bilinear, self.c.is_multiple_of(4)) {
             (true, _) if software && self.c.is_multiple_of(64) => (&shaders::SOFTWARE8, 8),
             (true, true) if software => (&shaders::SOFTWARE, 4),
+            (true, false) if software => (&shaders::SOFTWARE1, 1),
             (true, true) => (&shaders::BILINEAR4, 4),
             (true, false) => (&shaders::BILINEAR, 1),
             (false, true) => (&shaders::BICUBIC4, 4),
             (false, false) => (&shaders::BICUBIC, 1),
         };
-        let groups = if software && bilinear && unit > 1 {
+        let groups = if software && bilinear {
             frames * rows.div_ceil(2) * wo.div_ceil(SOFTWARE_STRIP)
         } else {
             (pixels * c / u64::from(unit)).div_ceil(64)
