@@ -143,6 +143,7 @@ fn main(
 #end
         at = kv + block * ${DP*8}u;
         for (var j = 0u; j < 8u; j++) {
+            // By 32 channels, then by rows: their 16 vectors of values stay in registers.
 #for v in 0..${DP/32}
 #for c in 0..4
             let v${c}_$v = lib_quad(v[at + ${v*8+c*DP/4}u]);
