@@ -100,4 +100,3 @@ fn costly(op: u32, v: vec4<f32>) -> vec4<f32> {
         default: { return tanh(clamp(v, vec4<f32>(-20.0), vec4<f32>(20.0))); }
     }
 }
-

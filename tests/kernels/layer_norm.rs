@@ -6,8 +6,21 @@ use omnix_kernels::{Activation, Caps, Gpu, KernelError, cpu};
 use omnix_tests::{Rng, assert_close, families, family, with_max_binding};
 
 /// Rows and channels: one, odd, below and above a subgroup, a workgroup and a tile of rows.
-const SHAPES: &[(u32, u32)] =
-    &[(1, 1), (2, 3), (3, 4), (5, 30), (65, 32), (7, 36), (130, 63), (9, 384), (66, 1024), (3, 2048), (3, 4100)];
+const SHAPES: &[(u32, u32)] = &[
+    (1, 1),
+    (2, 3),
+    (3, 4),
+    (5, 30),
+    (65, 32),
+    (7, 36),
+    (7, 72),
+    (130, 63),
+    (9, 384),
+    (66, 1024),
+    (3, 2048),
+    (3, 4100),
+    (3, 4104),
+];
 
 fn case(gpu: &Gpu, spec: &LayerNorm, offset: f32) -> (Vec<f32>, Vec<f32>) {
     let (m, c) = (spec.m as usize, spec.c as usize);
@@ -55,7 +68,7 @@ fn a_common_offset_costs_no_more_than_its_rounding() {
 #[test]
 fn splitting_at_the_binding_limit_changes_no_bit() {
     for gpu in families() {
-        for c in [100, 33] {
+        for c in [96, 100, 33] {
             let spec = spec(200, c, Activation::Gelu, true);
             let (whole, _) = case(&gpu, &spec, 0.0);
             let small = with_max_binding(&gpu, 25_600);

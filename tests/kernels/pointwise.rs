@@ -51,6 +51,10 @@ fn unary_operations_match_the_oracle() {
 #[test]
 fn extremes_stay_where_they_belong() {
     let a = [-1e30f32, -200.0, -100.0, -20.0, 0.0, 20.0, 100.0, 200.0];
+    for gpu in tiers() {
+        let gelu = compute(&gpu, &Pointwise::unary(8, Unary::Gelu), &a, &[0.0]);
+        assert_eq!(gelu, [0.0, 0.0, 0.0, 0.0, 0.0, 20.0, 100.0, 200.0], "{}", gpu.caps.tier);
+    }
     let on = |op: Unary| compute(gpu(), &Pointwise::unary(8, op), &a, &[0.0]);
     let softplus = on(Unary::Softplus);
     assert!(softplus[..3].iter().all(|v| *v < 1e-38) && softplus[5..] == [20.0, 100.0, 200.0], "{softplus:?}");
@@ -85,13 +89,15 @@ fn binary_operations_broadcast() {
 #[test]
 fn splitting_at_the_binding_limit_changes_no_bit() {
     let small = with_max_binding(gpu(), 2048);
-    // The last two have a b above the limit that repeats.
+    // Those of 1000 and 999 have a b above the limit that repeats.
     for (n, by) in [
         (5000, Operand::same(5000)),
         (5001, Operand::same(5001)),
         (5000, Operand::row(40)),
         (4999, Operand::row(37)),
         (5000, Operand::column(50, 100)),
+        (5000, Operand::column(125, 40)),
+        (8000, Operand::column(1000, 8)),
         (5000, Operand::row(1000)),
         (4990, Operand::row(999)),
     ] {
