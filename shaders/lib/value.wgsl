@@ -1,5 +1,18 @@
 // What kernels over large tensors compute with (Value) and how a buffer holds it (Stored): a number, with VEC4 four of them,
-// and with QUAD four as the two 64-bit words of lib/quad, which cost a software rasteriser half as much.
+// and with QUAD four as the two 64-bit words of lib/quad, which cost a software rasteriser half as much, with WIDE two times four.
+#if WIDE
+#import quad
+alias Value = mat2x4<f32>;
+alias Stored = Wide;
+
+fn lib_value(w: Stored) -> Value {
+    return lib_wide(w);
+}
+
+fn lib_stored(v: Value) -> Stored {
+    return lib_to_wide(v[0], v[1]);
+}
+#else
 #if QUAD
 #import quad
 alias Value = vec4<f32>;
@@ -27,4 +40,5 @@ fn lib_value(v: Stored) -> Value {
 fn lib_stored(v: Value) -> Stored {
     return v;
 }
+#endif
 #endif

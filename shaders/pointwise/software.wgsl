@@ -51,6 +51,7 @@ fn main(
             here += 8u;
         }
     }
+    // COSTLY and all after it.
 #for op in 13..23
     if (p.op == ${op}u) {
         var here = start;

@@ -1,55 +1,18 @@
 // resize, software devices, bilinear: see lib/resize_params for the equation and the shapes.
 //
-// A workgroup is one subgroup of 8 lanes and owns $STRIP columns of two neighbouring rows of y: for 8 lanes of four channels (WIDE:
-// eight) at a time it walks along them. Columns of x are blended vertically first and kept, so that pixels of y between the same
+// A workgroup is one subgroup of 8 lanes and owns $STRIP columns of two neighbouring rows of y: for 8 lanes of channels
+// (lib/value) at a time it walks along them. Columns of x are blended vertically first and kept, so that pixels of y between the same
 // two columns share the loads, as the two rows share a row of x that both need: loads cost more than anything else.
-// Needs c to be a multiple of 4; WIDE of 64, since lanes without channels would cost what it saves. WORD takes one channel a
-// lane, any number of them.
+// QUAD needs c to be a multiple of 4, WIDE of 8, and gains only where no lane is without channels: from 64 on.
 #import resize_params
 #import grid
-#import quad
+#import value
 
-// The channels of a lane, in a buffer and as numbers.
 #if WIDE
-alias Stored = Wide;
-alias Value = mat2x4<f32>;
-
-fn number(w: Stored) -> Value {
-    return lib_wide(w);
-}
-
-fn stored(v: Value) -> Stored {
-    return lib_to_wide(v[0], v[1]);
-}
-
 fn blend(a: Value, b: Value, t: f32) -> Value {
     return Value(mix(a[0], b[0], t), mix(a[1], b[1], t));
 }
 #else
-#if WORD
-alias Stored = f32;
-alias Value = f32;
-
-fn number(v: Stored) -> Value {
-    return v;
-}
-
-fn stored(v: Value) -> Stored {
-    return v;
-}
-#else
-alias Stored = Quad;
-alias Value = vec4<f32>;
-
-fn number(q: Stored) -> Value {
-    return lib_quad(q);
-}
-
-fn stored(v: Value) -> Stored {
-    return lib_to_quad(v);
-}
-#endif
-
 fn blend(a: Value, b: Value, t: f32) -> Value {
     return mix(a, b, t);
 }
@@ -76,15 +39,15 @@ struct Column {
 }
 
 fn column(rows: Rows, at: u32) -> Column {
-    let top = number(x[rows.top0 + at]);
-    let bottom = number(x[rows.bottom0 + at]);
+    let top = lib_value(x[rows.top0 + at]);
+    let bottom = lib_value(x[rows.bottom0 + at]);
     var top1 = top;
     var bottom1 = bottom;
     if (rows.top1 != rows.top0) {
         top1 = bottom;
-        bottom1 = number(x[rows.bottom1 + at]);
+        bottom1 = lib_value(x[rows.bottom1 + at]);
         if (rows.top1 != rows.bottom0) {
-            top1 = number(x[rows.top1 + at]);
+            top1 = lib_value(x[rows.top1 + at]);
         }
     }
     return Column(blend(top, bottom, rows.fraction0), blend(top1, bottom1, rows.fraction1));
@@ -156,15 +119,15 @@ fn main(
             var first = blend(a.first, b.first, t);
             var second = blend(a.second, b.second, t);
             if (p.has_add != 0u) {
-                first += number(add[extra]);
+                first += lib_value(add[extra]);
                 if (both) {
-                    second += number(add[extra + next]);
+                    second += lib_value(add[extra + next]);
                 }
                 extra += p.c;
             }
-            y[to] = stored(first);
+            y[to] = lib_stored(first);
             if (both) {
-                y[to + next] = stored(second);
+                y[to + next] = lib_stored(second);
             }
             to += p.c;
             cell1 += whole;

@@ -169,7 +169,7 @@ const B_NONE: u32 = 0;
 const B_SAME: u32 = 1;
 const B_GENERAL: u32 = 2;
 const B_SHARED: u32 = 3;
-/// Numbers of the first operation on one number, of which [`Unary::code`] has the rest.
+/// The number of the first operation on one number; [`Unary::code`] has them all.
 const UNARY: u32 = 6;
 
 impl Unary {
