@@ -2,10 +2,10 @@
 //
 // A workgroup is one subgroup of 8 lanes and owns $TM queries of one head, the last one of a dispatch what is
 // left; keys go by in blocks of 32. For the scores lane j owns keys 4j..4j+4 of the block, for the sums the
-// channels 4j..4j+4 of each 32. While scores are summed, s_i of lane j belongs to row i ^ j (of 8): exclusive-or
-// shuffles of q are cheaper than broadcasts (lib/product_step), and a lane keeps the maximum and the sum of one row
-// in 8. "Rows in order" then gives s_i of all lanes to row i. k and v come through 64 KiB uniform windows, the only
-// gather a software rasteriser does without branches. No workgroup memory, no barrier.
+// channels 4j..4j+4 of each 32, of queries and of sums alike. Both products are the same loop: eight vectors come in, and
+// queries, or weights, stay in registers and are spread by shuffles. A lane keeps the maximum and the sum of one row in 8:
+// three exchanges, in which of two rows a lane keeps the one whose number has its bit, reduce 8 rows at once. k and v come
+// through 64 KiB uniform windows, the only gather a software rasteriser does without branches. No workgroup memory, no barrier.
 #import attention_params
 #import grid
 #import quad
@@ -42,100 +42,87 @@ fn main(
     let row = row_of(i, query);
     let d4 = p.head_dim / 4u;
 #for r in 0..${TM/8}
-    // Of row r * 8 + lane: the largest score, the sum of the weights, where its query lies.
+    // Of row r * 8 + lane: the largest score and the sum of the weights.
     var m$r = NEVER;
     var l$r = 0.0;
-    let q$r = (row + ${r*8}u + lane) * ${DP/4}u;
 #end
 #for t in 0..$TM
 #for v in 0..${DP/32}
-    var o${t}_$v = vec4<f32>(0.0);
+    let q${t}_$v = lib_quad(q[(row + ${t}u) * ${DP/4}u + ${v*8}u + lane]);
 #end
 #end
+    // An array, so that loops fill and empty it: unrolled, that code is larger than a first cache and runs once.
+    var o: array<vec4<f32>, ${TM*DP/32}>;
+    let end = min(query + ${TM}u, q_end);
     if ((p.flags & FIRST) == 0u) {
 #for r in 0..${TM/8}
         let before$r = state[row + ${r*8}u + lane];
         m$r = before$r.x;
         l$r = before$r.y;
 #end
-#for t in 0..$TM
-        if (query + ${t}u < q_end) {
-            let at = out_of(i, query + ${t}u) + lane;
+        for (var t = query; t < end; t++) {
+            let at = out_of(i, t) + lane;
 #for v in 0..${DP/32}
             if (${v*8}u + lane < d4) {
-                o${t}_$v = lib_quad(out[at + ${v*8}u]);
+                o[(t - query) * ${DP/32}u + ${v}u] = lib_quad(out[at + ${v*8}u]);
             }
 #end
         }
-#end
     }
     let bit0 = (lane & 1u) != 0u;
     let bit1 = (lane & 2u) != 0u;
     let bit2 = (lane & 4u) != 0u;
     let kv = i * p.kv_pad * ${DP/4}u + lane;
     for (var block = 0u; block < p.keys / 32u; block++) {
+        let key = vec4<u32>(p.key0 + block * 32u + lane * 4u) + vec4<u32>(0u, 1u, 2u, 3u);
+        // Scores of keys that are not there start, and so end, out of reach.
+        let absent = select(vec4<f32>(0.0), vec4<f32>(NEVER), key >= vec4<u32>(p.nk));
 #for t in 0..$TM
-        var s$t = vec4<f32>(0.0);
+        var s$t = absent;
 #end
         var at = kv + block * ${DP*8}u;
-        for (var d = 0u; d < ${DP/4}u; d++) {
-#for r in 0..${TM/8}
-            let a$r = lib_quad(q[q$r + d]);
-#end
+        for (var j = 0u; j < 8u; j++) {
+#for v in 0..${DP/32}
 #for c in 0..4
-            let k$c = lib_quad(k[at + ${c*8}u]);
+            let k${c}_$v = lib_quad(k[at + ${v*256+c*8}u]);
 #end
-#for r in 0..${TM/8}
-#for j in 0..8
-#for c in 0..4
-            s${r*8+j} = fma(vec4<f32>(subgroupShuffleXor(a$r[$c], ${j}u)), k$c, s${r*8+j});
-#end
+#for t in 0..$TM
+            s$t += (subgroupShuffle(q${t}_$v[0], j) * k0_$v + subgroupShuffle(q${t}_$v[1], j) * k1_$v)
+                + (subgroupShuffle(q${t}_$v[2], j) * k2_$v + subgroupShuffle(q${t}_$v[3], j) * k3_$v);
 #end
 #end
             at += 32u;
         }
-        let key = vec4<u32>(p.key0 + block * 32u + lane * 4u) + vec4<u32>(0u, 1u, 2u, 3u);
-        let absent = select(vec4<f32>(0.0), vec4<f32>(NEVER), key >= vec4<u32>(p.nk));
 #for r in 0..${TM/8}
         {
-            var top = m$r;
 #for j in 0..8
-            s${r*8+j} += absent;
-            top = max(top, subgroupShuffleXor(top4(s${r*8+j}), ${j}u));
+            let t$j = top4(s${r*8+j});
 #end
+#for h in 0..4
+            let u$h = max(select(t${h*2}, t${h*2+1}, bit0), subgroupShuffleXor(select(t${h*2+1}, t${h*2}, bit0), 1u));
+#end
+#for h in 0..2
+            let w$h = max(select(u${h*2}, u${h*2+1}, bit1), subgroupShuffleXor(select(u${h*2+1}, u${h*2}, bit1), 2u));
+#end
+            let top = max(m$r, max(select(w0, w1, bit2), subgroupShuffleXor(select(w1, w0, bit2), 4u)));
             let fade = exp(m$r - top);
             m$r = top;
 #for j in 0..8
-            s${r*8+j} = exp(s${r*8+j} - vec4<f32>(subgroupShuffleXor(top, ${j}u)));
-            let part$j = subgroupShuffleXor(sum4(s${r*8+j}), ${j}u);
+            s${r*8+j} = exp(s${r*8+j} - vec4<f32>(subgroupShuffle(top, ${j}u)));
+            let part$j = sum4(s${r*8+j});
 #end
-            // Lane l has the parts in the order j ^ l. Added in pairs they give the same bits in every order of that kind, so a
-            // row's sum does not depend on its place in the tile.
-            l$r = l$r * fade + (((part0 + part1) + (part2 + part3)) + ((part4 + part5) + (part6 + part7)));
-            // Rows in order: exchange s_i and s_(i ^ b) in the lanes with bit b, for each b.
-#for c in 0..4
-            {
 #for h in 0..4
-                let e${h*2} = select(s${r*8+h*2}[$c], s${r*8+h*2+1}[$c], bit0);
-                let e${h*2+1} = select(s${r*8+h*2+1}[$c], s${r*8+h*2}[$c], bit0);
+            let x$h = select(part${h*2}, part${h*2+1}, bit0) + subgroupShuffleXor(select(part${h*2+1}, part${h*2}, bit0), 1u);
 #end
-#for g in 0..2
 #for h in 0..2
-                let f${g*4+h} = select(e${g*4+h}, e${g*4+h+2}, bit1);
-                let f${g*4+h+2} = select(e${g*4+h+2}, e${g*4+h}, bit1);
+            let y$h = select(x${h*2}, x${h*2+1}, bit1) + subgroupShuffleXor(select(x${h*2+1}, x${h*2}, bit1), 2u);
 #end
-#end
-#for h in 0..4
-                s${r*8+h}[$c] = select(f$h, f${h+4}, bit2);
-                s${r*8+h+4}[$c] = select(f${h+4}, f$h, bit2);
-#end
-            }
-#end
+            l$r = l$r * fade + (select(y0, y1, bit2) + subgroupShuffleXor(select(y1, y0, bit2), 4u));
 #for j in 0..8
             {
                 let fade_j = subgroupShuffle(fade, ${j}u);
 #for v in 0..${DP/32}
-                o${r*8+j}_$v *= fade_j;
+                o[${r*8*DP/32+j*DP/32+v}] *= fade_j;
 #end
             }
 #end
@@ -149,9 +136,8 @@ fn main(
             let v${c}_$v = lib_quad(v[at + ${v*8+c*DP/4}u]);
 #end
 #for t in 0..$TM
-#for c in 0..4
-            o${t}_$v = fma(vec4<f32>(subgroupShuffle(s$t[$c], j)), v${c}_$v, o${t}_$v);
-#end
+            o[${t*DP/32+v}] += (subgroupShuffle(s$t[0], j) * v0_$v + subgroupShuffle(s$t[1], j) * v1_$v)
+                + (subgroupShuffle(s$t[2], j) * v2_$v + subgroupShuffle(s$t[3], j) * v3_$v);
 #end
 #end
             at += ${DP}u;
@@ -162,18 +148,18 @@ fn main(
     if ((p.flags & LAST) == 0u && query + ${r*8}u + lane < q_end) {
         state[row + ${r*8}u + lane] = vec2<f32>(m$r, l$r);
     }
-#for j in 0..8
-    {
-        let scale = subgroupShuffle(scale$r, ${j}u);
-        if (query + ${r*8+j}u < q_end) {
-            let at = out_of(i, query + ${r*8+j}u) + lane;
+#end
+    for (var t = query; t < end; t++) {
+        let place = t - query;
+        var scale = 1.0;
+#for r in 0..${TM/8}
+        scale = select(scale, subgroupShuffle(scale$r, place % 8u), place / 8u == ${r}u);
+#end
+        let at = out_of(i, t) + lane;
 #for v in 0..${DP/32}
-            if (${v*8}u + lane < d4) {
-                out[at + ${v*8}u] = lib_to_quad(o${r*8+j}_$v * scale);
-            }
-#end
+        if (${v*8}u + lane < d4) {
+            out[at + ${v*8}u] = lib_to_quad(o[place * ${DP/32}u + ${v}u] * scale);
         }
+#end
     }
-#end
-#end
 }

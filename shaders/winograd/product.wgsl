@@ -44,12 +44,15 @@ fn main(
 #import product_step
     }
     let width = p.co / 4u;
+    // A zero that the driver's compiler cannot see. Packed as they are, the sums would live in the halves of 512-bit registers, and
+    // all of them be spilled and loaded as 512 bits in every turn of the loop (BENCHMARKS.md, "Zen 4").
+    let zero = vec4<f32>(f32(p.ci >> 31u));
     let n4 = tile.y * 8u + lane;
     let to = (q * p.stride + row0) * width + n4;
     if (n4 < width) {
 #for i in 0..$TM
         if (row0 + (${i}u ^ lane) < p.tiles) {
-            m[to + (${i}u ^ lane) * width] = lib_to_quad(c$i);
+            m[to + (${i}u ^ lane) * width] = lib_to_quad(c$i + zero);
         }
 #end
     }
