@@ -3,9 +3,9 @@
 // A workgroup is one subgroup of 8 lanes and owns $TM queries of one head, the last one of a dispatch what is
 // left; keys go by in blocks of 32. For the scores lane j owns keys 4j..4j+4 of the block, for the sums the
 // channels 4j..4j+4 of each 32, of queries and of sums alike. Both products are the same loop: eight vectors come in, and
-// queries, or weights, stay in registers and are spread by shuffles. A lane keeps the maximum and the sum of one row in 8:
-// three exchanges, in which of two rows a lane keeps the one whose number has its bit, reduce 8 rows at once. k and v come
-// through 64 KiB uniform windows, the only gather a software rasteriser does without branches. No workgroup memory, no barrier.
+// queries, or weights, stay in registers and are spread by shuffles. A lane keeps the maximum and the sum of one row in 8.
+// k and v come through 64 KiB uniform windows, the only gather a software rasteriser does without branches. No workgroup memory,
+// no barrier.
 #import attention_params
 #import grid
 #import quad
@@ -22,6 +22,23 @@ fn top4(v: vec4<f32>) -> f32 {
 
 fn sum4(v: vec4<f32>) -> f32 {
     return (v.x + v.y) + (v.z + v.w);
+}
+
+// The lanes' parts of 8 rows, the even and the odd ones, to the whole of row `lane` in each lane: of two rows a lane keeps the one
+// whose number has its bit and gives the other away, for each of three bits. Every row is summed in one order, whatever its place
+// in the tile.
+fn row_top(even: vec4<f32>, odd: vec4<f32>, lane: u32) -> f32 {
+    let bit = (vec3<u32>(lane) & vec3<u32>(1u, 2u, 4u)) != vec3<u32>(0u);
+    let a = max(select(even, odd, bit.x), subgroupShuffleXor(select(odd, even, bit.x), 1u));
+    let b = max(select(a.xz, a.yw, bit.y), subgroupShuffleXor(select(a.yw, a.xz, bit.y), 2u));
+    return max(select(b.x, b.y, bit.z), subgroupShuffleXor(select(b.y, b.x, bit.z), 4u));
+}
+
+fn row_sum(even: vec4<f32>, odd: vec4<f32>, lane: u32) -> f32 {
+    let bit = (vec3<u32>(lane) & vec3<u32>(1u, 2u, 4u)) != vec3<u32>(0u);
+    let a = select(even, odd, bit.x) + subgroupShuffleXor(select(odd, even, bit.x), 1u);
+    let b = select(a.xz, a.yw, bit.y) + subgroupShuffleXor(select(a.yw, a.xz, bit.y), 2u);
+    return select(b.x, b.y, bit.z) + subgroupShuffleXor(select(b.y, b.x, bit.z), 4u);
 }
 
 @compute @workgroup_size(8)
@@ -69,9 +86,6 @@ fn main(
 #end
         }
     }
-    let bit0 = (lane & 1u) != 0u;
-    let bit1 = (lane & 2u) != 0u;
-    let bit2 = (lane & 4u) != 0u;
     let kv = i * p.kv_pad * ${DP/4}u + lane;
     for (var block = 0u; block < p.keys / 32u; block++) {
         let key = vec4<u32>(p.key0 + block * 32u + lane * 4u) + vec4<u32>(0u, 1u, 2u, 3u);
@@ -98,26 +112,14 @@ fn main(
 #for j in 0..8
             let t$j = top4(s${r*8+j});
 #end
-#for h in 0..4
-            let u$h = max(select(t${h*2}, t${h*2+1}, bit0), subgroupShuffleXor(select(t${h*2+1}, t${h*2}, bit0), 1u));
-#end
-#for h in 0..2
-            let w$h = max(select(u${h*2}, u${h*2+1}, bit1), subgroupShuffleXor(select(u${h*2+1}, u${h*2}, bit1), 2u));
-#end
-            let top = max(m$r, max(select(w0, w1, bit2), subgroupShuffleXor(select(w1, w0, bit2), 4u)));
+            let top = max(m$r, row_top(vec4<f32>(t0, t2, t4, t6), vec4<f32>(t1, t3, t5, t7), lane));
             let fade = exp(m$r - top);
             m$r = top;
 #for j in 0..8
             s${r*8+j} = exp(s${r*8+j} - vec4<f32>(subgroupShuffle(top, ${j}u)));
             let part$j = sum4(s${r*8+j});
 #end
-#for h in 0..4
-            let x$h = select(part${h*2}, part${h*2+1}, bit0) + subgroupShuffleXor(select(part${h*2+1}, part${h*2}, bit0), 1u);
-#end
-#for h in 0..2
-            let y$h = select(x${h*2}, x${h*2+1}, bit1) + subgroupShuffleXor(select(x${h*2+1}, x${h*2}, bit1), 2u);
-#end
-            l$r = l$r * fade + (select(y0, y1, bit2) + subgroupShuffleXor(select(y1, y0, bit2), 4u));
+            l$r = l$r * fade + row_sum(vec4<f32>(part0, part2, part4, part6), vec4<f32>(part1, part3, part5, part7), lane);
 #for j in 0..8
             {
                 let fade_j = subgroupShuffle(fade, ${j}u);

@@ -1,7 +1,7 @@
 // pointwise, any WebGPU device: see lib/pointwise_params for the equation.
 //
-// Variant VEC4: n, b_len and all offsets are multiples of 4 and b_div is 1, or b is taken one by one and b_div is a multiple of 4. An invocation owns
-// `steps` times four elements, 256 apart.
+// Variant VEC4: n, b_len and all offsets are multiples of 4 and b_div is 1, or b is taken one by one and b_div is a multiple
+// of 4. An invocation owns `steps` times four elements, 256 apart.
 #import pointwise_params
 #import grid
 
