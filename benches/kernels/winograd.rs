@@ -2,14 +2,20 @@
 
 use omnix_benches::{Bench, Work, numbers};
 use omnix_kernels::run::HostArg;
-use omnix_kernels::winograd::Winograd;
+use omnix_kernels::winograd::{PLACES, Winograd};
 use omnix_kernels::{KernelError, WeightType};
 
 use crate::conv2d::layer;
 
 /// Input and output channels, rows, columns.
-const SHAPES: &[(u32, u32, u32, u32)] =
-    &[(128, 64, 280, 504), (128, 128, 160, 288), (256, 256, 80, 144), (1024, 256, 20, 36)];
+const SHAPES: &[(u32, u32, u32, u32)] = &[
+    (128, 64, 280, 504),
+    (64, 64, 80, 144),
+    (32, 32, 504, 280),
+    (128, 128, 160, 288),
+    (256, 256, 80, 144),
+    (1024, 256, 20, 36),
+];
 
 pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
     for &(ci, co, hi, wi) in SHAPES {
@@ -19,7 +25,7 @@ pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
             continue;
         };
         let x = numbers((hi * wi * ci) as usize);
-        let w = numbers((16 * ci * co) as usize);
+        let w = numbers((PLACES * ci * co) as usize);
         let packed = spec.weights().pack(|k, o| w[k * co as usize + o]);
         let args = [
             HostArg::F32(&x),

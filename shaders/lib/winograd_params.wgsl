@@ -2,12 +2,13 @@
 //
 //   y = act(conv(pre(x)) + bias) + residual + residual2, a kernel of 3x3, stride 1, as in lib/conv2d_params
 //
-// by F(2x2, 3x3) (Lavin and Gray 2016, section 4.1): a tile is 2x2 pixels of y, which see 4x4 pixels d of x. With
-//   V = Bt d B,  M[q] = sum_c V[q, c] U[q, c, o] for each of the 16 places q,  y = At M A,  U = G w Gt (on the host),
-// that is 16 multiplications a tile, input and output channel, where the sum over taps has 36.
+// by F(4x4, 3x3) (Lavin and Gray 2016, section 4.2): a tile is 4x4 pixels of y, which see 6x6 pixels d of x. With
+//   V = Bt d B,  M[q] = sum_c V[q, c] U[q, c, o] for each of the 36 places q,  y = At M A,  U = G w Gt (on the host),
+// that is 36 multiplications a tile, input and output channel, where the sum over taps has 144. The polynomials behind it are
+// evaluated at 0, 3/4, -3/4, 3/2, -3/2 and infinity, not at the paper's 0, 1, -1, 2, -2: a quarter of the rounding error.
 //
 // x [f, hi, wi, ci], y and the residuals [f, ho, wo, co], channels last. A dispatch owns a band of consecutive tiles, in the
-// order (frame, row, column). v [16, stride, ci] and m [16, stride, co] go by place and tile of the band.
+// order (frame, row, column). v [36, stride, ci] and m [36, stride, co] go by place and tile of the band.
 #import quad
 
 struct Params {
@@ -44,5 +45,5 @@ struct Params {
 fn lib_tile(tile: u32) -> vec3<u32> {
     let row = tile / p.across;
     let frame = row / p.down;
-    return vec3<u32>(frame, (row - frame * p.down) * 2u, (tile - row * p.across) * 2u);
+    return vec3<u32>(frame, (row - frame * p.down) * 4u, (tile - row * p.across) * 4u);
 }

@@ -7,11 +7,29 @@
 @group(0) @binding(1) var<storage, read> x: array<Quad>;
 @group(0) @binding(2) var<storage, read_write> v: array<Quad>;
 
-// pre(x) of 4 channels; 0 outside of the map.
-fn tap(frame: u32, y: i32, column: i32, c: u32) -> vec4<f32> {
-    let on = y >= 0 && y < i32(p.hi) && column >= 0 && column < i32(p.wi);
-    let at = select(0u, ((frame * p.hi + u32(y)) * p.wi + u32(column)) * (p.ci / 4u) + c, on);
-    return select(vec4<f32>(0.0), max(lib_quad(x[p.x_rest / 4u + at]), vec4<f32>(p.low)), on);
+struct Six {
+    v0: vec4<f32>,
+    v1: vec4<f32>,
+    v2: vec4<f32>,
+    v3: vec4<f32>,
+    v4: vec4<f32>,
+    v5: vec4<f32>,
+}
+
+// Bt times a column of six; coefficients of the products of all (x - point) but one.
+fn bt(d0: vec4<f32>, d1: vec4<f32>, d2: vec4<f32>, d3: vec4<f32>, d4: vec4<f32>, d5: vec4<f32>) -> Six {
+    let even = d4 - 2.25 * d2;
+    let odd = 0.75 * (d3 - 2.25 * d1);
+    let even2 = d4 - 0.5625 * d2;
+    let odd2 = 1.5 * (d3 - 0.5625 * d1);
+    return Six(
+        1.265625 * d0 - 2.8125 * d2 + d4,
+        even + odd,
+        even - odd,
+        even2 + odd2,
+        even2 - odd2,
+        1.265625 * d1 - 2.8125 * d3 + d5,
+    );
 }
 
 @compute @workgroup_size(64)
@@ -28,25 +46,30 @@ fn main(
     }
     let c = index - row * width;
     let at = lib_tile(p.tile0 + row);
-    let y = i32(at.y) - i32(p.pad);
-    let column = i32(at.z) - i32(p.pad);
-#for j in 0..4
-    let d0$j = tap(at.x, y, column + ${j}, c);
-    let d1$j = tap(at.x, y + 1, column + ${j}, c);
-    let d2$j = tap(at.x, y + 2, column + ${j}, c);
-    let d3$j = tap(at.x, y + 3, column + ${j}, c);
-    let t0$j = d0$j - d2$j;
-    let t1$j = d1$j + d2$j;
-    let t2$j = d2$j - d1$j;
-    let t3$j = d1$j - d3$j;
+    // Rows and columns outside of the map read its edge, and count as zero.
+#for i in 0..6
+    let y$i = i32(at.y + ${i}u) - i32(p.pad);
+    let row$i = (at.x * p.hi + u32(clamp(y$i, 0, i32(p.hi) - 1))) * p.wi;
+    let on$i = y$i >= 0 && y$i < i32(p.hi);
+#end
+    let low = vec4<f32>(p.low);
+#for j in 0..6
+    let x$j = i32(at.z + ${j}u) - i32(p.pad);
+    let column$j = u32(clamp(x$j, 0, i32(p.wi) - 1));
+    let in$j = x$j >= 0 && x$j < i32(p.wi);
+#for i in 0..6
+    let at$i$j = p.x_rest / 4u + (row$i + column$j) * width + c;
+    let d$i$j = select(vec4<f32>(0.0), max(lib_quad(x[at$i$j]), low), on$i && in$j);
+#end
+    let t$j = bt(d0$j, d1$j, d2$j, d3$j, d4$j, d5$j);
 #end
     var to = row * width + c;
     let place = p.stride * width;
-#for i in 0..4
-    v[to] = lib_to_quad(t${i}0 - t${i}2);
-    v[to + place] = lib_to_quad(t${i}1 + t${i}2);
-    v[to + 2u * place] = lib_to_quad(t${i}2 - t${i}1);
-    v[to + 3u * place] = lib_to_quad(t${i}1 - t${i}3);
-    to += 4u * place;
+#for i in 0..6
+    let r$i = bt(t0.v$i, t1.v$i, t2.v$i, t3.v$i, t4.v$i, t5.v$i);
+#for j in 0..6
+    v[to] = lib_to_quad(r$i.v$j);
+    to += place;
+#end
 #end
 }

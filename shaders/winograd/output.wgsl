@@ -1,6 +1,6 @@
 // winograd, third pass: y = At M A with bias, activation and residuals; see lib/winograd_params.
 //
-// An invocation owns a tile (2x2 pixels) and 4 channels.
+// An invocation owns a tile (4x4 pixels) and 4 channels.
 #import winograd_params
 #import conv2d_epilogue
 #import grid
@@ -10,6 +10,27 @@
 @group(0) @binding(3) var<storage, read> residual2: array<Quad>;
 @group(0) @binding(4) var<storage, read_write> y: array<Quad>;
 @group(0) @binding(5) var<storage, read_write> m: array<Quad>;
+
+struct Four {
+    v0: vec4<f32>,
+    v1: vec4<f32>,
+    v2: vec4<f32>,
+    v3: vec4<f32>,
+}
+
+// At times a column of six: powers of the points.
+fn at(m0: vec4<f32>, m1: vec4<f32>, m2: vec4<f32>, m3: vec4<f32>, m4: vec4<f32>, m5: vec4<f32>) -> Four {
+    let even = m1 + m2;
+    let odd = m1 - m2;
+    let even2 = m3 + m4;
+    let odd2 = m3 - m4;
+    return Four(
+        m0 + even + even2,
+        0.75 * odd + 1.5 * odd2,
+        0.5625 * even + 2.25 * even2,
+        0.421875 * odd + 3.375 * odd2 + m5,
+    );
+}
 
 fn finish(sum: vec4<f32>, at: vec3<u32>, n4: u32, added: vec4<f32>) {
     if (at.y >= p.ho || at.z >= p.wo) {
@@ -33,18 +54,21 @@ fn main(
     let n4 = index - row * width;
     let place = p.stride * width;
     var start = row * width + n4;
-#for i in 0..4
-#for j in 0..4
-    let m$i$j = lib_quad(m[start + ${j}u * place]);
+#for i in 0..6
+#for j in 0..6
+    let m$i$j = lib_quad(m[start]);
+    start += place;
 #end
-    let s${i}0 = m${i}0 + m${i}1 + m${i}2;
-    let s${i}1 = m${i}1 - m${i}2 - m${i}3;
-    start += 4u * place;
+    let s$i = at(m${i}0, m${i}1, m${i}2, m${i}3, m${i}4, m${i}5);
 #end
     let added = lib_bias(n4);
-    let at = lib_tile(p.tile0 + row);
-#for j in 0..2
-    finish(s0$j + s1$j + s2$j, at + vec3<u32>(0u, 0u, ${j}u), n4, added);
-    finish(s1$j - s2$j - s3$j, at + vec3<u32>(0u, 1u, ${j}u), n4, added);
+    let first = lib_tile(p.tile0 + row);
+#for j in 0..4
+    let r$j = at(s0.v$j, s1.v$j, s2.v$j, s3.v$j, s4.v$j, s5.v$j);
+#end
+#for i in 0..4
+#for j in 0..4
+    finish(r$j.v$i, first + vec3<u32>(0u, ${i}u, ${j}u), n4, added);
+#end
 #end
 }

@@ -1,4 +1,4 @@
-// winograd, second pass: M[q] = V[q] U[q] for the 16 places q; see lib/winograd_params.
+// winograd, second pass: M[q] = V[q] U[q] for the 36 places q; see lib/winograd_params.
 //
 // The tile of linear's software variant: a workgroup is one subgroup of 8 lanes and owns $TM rows x 32 columns of one place.
 // U is packed (lib/weights) with k = q ci + c. Sums run over the channels in order.
@@ -22,7 +22,7 @@ fn main(
     let index = lib_fold(group, groups);
     let row_tiles = (p.tiles + ${TM-1}u) / ${TM}u;
     let q = index / (row_tiles * p.blocks);
-    if (q >= 16u) {
+    if (q >= 36u) {
         return;
     }
     let tile = lib_walk(index - q * row_tiles * p.blocks, row_tiles, p.group, p.blocks);
@@ -35,7 +35,7 @@ fn main(
 #for i in 0..$TM
     var c$i = vec4<f32>(0.0);
 #end
-    var wpos = (tile.y * 16u + q) * p.ci * 8u + lane;
+    var wpos = (tile.y * 36u + q) * p.ci * 8u + lane;
     for (var k = 0u; k < steps; k++) {
 #for r in 0..$R
         let a$r = lib_quad(v[x$r]);

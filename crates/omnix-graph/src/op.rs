@@ -28,7 +28,7 @@ pub enum WeightForm {
     Linear,
     /// `[out, in, rows, columns]` of a convolution: depth in the order (row, column, in).
     Conv,
-    /// `[out, in, 3, 3]` transformed for Winograd's algorithm: depth in the order (place, in), 16 places.
+    /// `[out, in, 3, 3]` transformed for Winograd's algorithm: depth in the order (place, in), `winograd::PLACES` places.
     Winograd,
     /// `[in, out, k, k]` of a transposed convolution with stride k: columns in the order (row, column, out).
     ConvTranspose,

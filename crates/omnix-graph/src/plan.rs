@@ -1,5 +1,6 @@
 //! A plan: fused graph, chains, chunk sizes, buffers. Everything is known here before a device is touched.
 
+use omnix_kernels::winograd::PLACES;
 use omnix_kernels::{Caps, Dispatch, PackedWeights, WeightType};
 
 use crate::algorithm;
@@ -218,7 +219,7 @@ pub fn packed_shape(shape: &[usize], form: WeightForm, storage: WeightType) -> P
     let product = |dims: &[usize]| dims.iter().product::<usize>() as u32;
     let (k, n) = match form {
         WeightForm::Linear | WeightForm::Conv => (product(&shape[1..]), shape[0] as u32),
-        WeightForm::Winograd => (16 * shape[1] as u32, shape[0] as u32),
+        WeightForm::Winograd => (PLACES * shape[1] as u32, shape[0] as u32),
         WeightForm::ConvTranspose => (shape[0] as u32, product(&shape[1..])),
     };
     PackedWeights { k, n, storage }

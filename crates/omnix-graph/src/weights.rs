@@ -76,7 +76,7 @@ impl WeightKey {
                     }
                     WeightForm::Winograd => {
                         let channels = dims[1];
-                        let places: Vec<[f32; 16]> = data.as_chunks().0.iter().map(|taps| transform(*taps)).collect();
+                        let places: Vec<_> = data.as_chunks().0.iter().map(|taps| transform(*taps)).collect();
                         shape.pack(|k, n| places[n * channels + k % channels][k / channels])
                     }
                     WeightForm::ConvTranspose => {

@@ -1,11 +1,13 @@
-//! A [`Conv2d`] of 3×3, stride 1, on software devices by Winograd's F(2×2, 3×3) (Lavin and Gray 2016, section 4.1): 4
+//! A [`Conv2d`] of 3×3, stride 1, on software devices by Winograd's F(4×4, 3×3) (Lavin and Gray 2016, section 4.2): 2¼
 //! multiplications a pixel, input and output channel, where the sum over taps has 9.
 //!
-//! Three passes over a band of tiles (2×2 pixels of y): the tiles of x are transformed, multiplied by the transformed
+//! Three passes over a band of tiles (4×4 pixels of y): the tiles of x are transformed, multiplied by the transformed
 //! weights, and transformed back. In between they lie in [`SCRATCH`], which is kept small enough for the processor's last cache.
 //! Bands hold whatever tiles fit, and a tile is summed alike in all of them, so splitting changes no bit.
 //!
-//! The transforms add and subtract numbers of one size, so the result is less exact than the sum over taps: within 4e-6 of
+//! The transforms add and subtract numbers of one size, so the result is less exact than the sum over taps. How much less the
+//! points decide at which the polynomials behind it are evaluated (Barabasz et al. 2020, "Error analysis and improving the
+//! accuracy of Winograd convolution"): the paper's 0, ±1, ±2 have four times the error of 0, ±¾, ±1½ here, within 4e-6 of
 //! the oracle relative to its largest value, where [`Conv2d`] is within 2e-6. A number that is not finite spreads over its tiles.
 
 use bytemuck::{Pod, Zeroable};
@@ -79,15 +81,20 @@ crate::layout::layout!(WinogradParams {
 
 /// Channels, as the harmonic mean of those in and out, from which on this is faster than the sum over taps: the product takes time
 /// by their product, the transforms by their sum.
-const NARROWEST: u64 = 80;
+const NARROWEST: u64 = 32;
 /// Operations of a frame by the sum over taps from which on what is saved outweighs two more dispatches and three pipelines to
 /// compile.
-const SMALLEST: u64 = 1 << 29;
+const SMALLEST: u64 = 1 << 27;
+/// Numbers that a tile of x is transformed to, and nine weights are: six by six.
+pub const PLACES: u32 = 36;
+/// Pixels of y along the side of a tile.
+const SIDE: u64 = 4;
 /// Tiles that a workgroup of the product owns (`TM` in the sidecar file).
 const ROWS: u64 = 32;
 /// Invocations of a workgroup of the transforms.
 const LANES: u64 = 64;
-/// Bytes of scratch a band aims at: what stays in the last cache beside the weights.
+/// Bytes of scratch a band aims at: what stays in the last cache. Where the weights are more, as much as they, since every band
+/// reads all of them.
 const SCRATCH_BYTES: u64 = 8 << 20;
 
 impl Winograd {
@@ -118,27 +125,28 @@ impl Winograd {
     /// The shape of the transformed weights: k = place · ci + c.
     #[must_use]
     pub const fn weights(&self) -> PackedWeights {
-        PackedWeights { k: 16 * self.conv.ci, ..self.conv.weights }
+        PackedWeights { k: PLACES * self.conv.ci, ..self.conv.weights }
     }
 
     /// Tiles in a row and in a column of a map.
     fn grid(&self) -> [u64; 2] {
         let [ho, wo] = self.conv.output().map(u64::from);
-        [wo.div_ceil(2), ho.div_ceil(2)]
+        [wo.div_ceil(SIDE), ho.div_ceil(SIDE)]
     }
 
-    /// Tiles of a band: whole row tiles of the product.
+    /// Tiles of a band: whole row tiles of the product, alike in all bands.
     fn band(&self) -> u64 {
         let [across, down] = self.grid();
-        let tile = 64 * (u64::from(self.conv.ci) + u64::from(self.conv.weights.n));
-        let all = (u64::from(self.conv.frames) * across * down).next_multiple_of(ROWS);
-        (SCRATCH_BYTES / tile / ROWS * ROWS).clamp(ROWS, all)
+        let row_tile = ROWS * 4 * u64::from(PLACES) * (u64::from(self.conv.ci) + u64::from(self.conv.weights.n));
+        let all = (u64::from(self.conv.frames) * across * down).div_ceil(ROWS).max(1);
+        let most = (SCRATCH_BYTES.max(self.weights().bytes()) / row_tile).max(1);
+        all.div_ceil(all.div_ceil(most)) * ROWS
     }
 
     /// Words of [`SCRATCH`].
     #[must_use]
     pub fn scratch(&self) -> u64 {
-        16 * self.band() * (u64::from(self.conv.ci) + u64::from(self.conv.weights.n))
+        u64::from(PLACES) * self.band() * (u64::from(self.conv.ci) + u64::from(self.conv.weights.n))
     }
 
     /// The dispatches that compute this on a software device with `caps`.
@@ -208,10 +216,11 @@ impl Winograd {
         };
         let same = |arg: Arg, there: bool| if there { maps(arg).0 } else { Arg::ABSENT.into() };
         let (residual, residual2) = (same(RESIDUAL, conv.residual), same(RESIDUAL2, conv.residual2));
-        let products = 16 * row_tiles * u64::from(conv.weights.blocks());
+        let products = u64::from(PLACES) * row_tiles * u64::from(conv.weights.blocks());
         // V, then M: the two sides of the product.
-        let v = SCRATCH.window(0, 64 * self.band() * ci);
-        let m = SCRATCH.window(64 * self.band() * ci, 64 * self.band() * co);
+        let bytes = 4 * u64::from(PLACES) * self.band();
+        let v = SCRATCH.window(0, bytes * ci);
+        let m = SCRATCH.window(bytes * ci, bytes * co);
         let last = [BIAS.when(conv.bias).into(), residual, residual2, y, m];
         out.push(Dispatch::new(&shaders::INPUT, &params, &[x, v], (tiles * ci / 4).div_ceil(LANES)));
         out.push(Dispatch::new(&shaders::PRODUCT, &params, &[W.into(), v, m], products));
@@ -221,15 +230,22 @@ impl Winograd {
 
 /// `U = G w Gᵀ`, `[place]`, of the nine weights `[ky·3 + kx]` of an input and output channel. Computed in f64.
 #[must_use]
-pub fn transform(w: [f32; 9]) -> [f32; 16] {
-    // G times a column of three.
-    let g = |a: f64, b: f64, c: f64| [a, (a + b + c) / 2.0, (a - b + c) / 2.0, c];
+pub fn transform(w: [f32; 9]) -> [f32; PLACES as usize] {
     let w = w.map(f64::from);
-    let columns: [[f64; 4]; 3] = std::array::from_fn(|kx| g(w[kx], w[3 + kx], w[6 + kx]));
-    std::array::from_fn(|place| {
-        let row = place / 4;
-        g(columns[0][row], columns[1][row], columns[2][row])[place % 4] as f32
-    })
+    let columns: [[f64; 6]; 3] = std::array::from_fn(|kx| evaluate(w[kx], w[3 + kx], w[6 + kx]));
+    let rows: [[f64; 6]; 6] = std::array::from_fn(|row| evaluate(columns[0][row], columns[1][row], columns[2][row]));
+    std::array::from_fn(|place| rows[place / 6][place % 6] as f32)
+}
+
+/// G times a column: a + b·x + c·x² at the points, each over the product of its distances from the others; c at infinity.
+fn evaluate(a: f64, b: f64, c: f64) -> [f64; 6] {
+    let [near, far] = [0.75_f64, 1.5];
+    let even_odd = |x: f64, other: f64| {
+        let scale = 1.0 / (2.0 * x * x * (x * x - other * other));
+        [(a + b * x + c * x * x) * scale, (a - b * x + c * x * x) * scale]
+    };
+    let ([n, n_minus], [f, f_minus]) = (even_odd(near, far), even_odd(far, near));
+    [a / (near * near * far * far), n, n_minus, f, f_minus, c]
 }
 
 #[cfg(test)]
@@ -238,9 +254,12 @@ mod tests {
 
     #[test]
     fn a_tap_alone_is_seen_from_its_places() {
-        // The tap in the middle: G has 0, 1/2, -1/2, 0 for it both ways.
+        // The tap in the middle: G has 0, near/N, -near/N, far/M, -far/M, 0 for it both ways.
         let mut w = [0.0; 9];
-        w[4] = 4.0;
-        assert_eq!(transform(w), [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        w[4] = 1.0;
+        let g = [0.0, -0.75 / 1.898_437_5, 0.75 / 1.898_437_5, 1.5 / 7.593_75, -1.5 / 7.593_75, 0.0];
+        for (place, got) in transform(w).into_iter().enumerate() {
+            assert!((f64::from(got) - g[place / 6] * g[place % 6]).abs() < 1e-7, "{place}: {got}");
+        }
     }
 }
