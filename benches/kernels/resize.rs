@@ -21,6 +21,7 @@ pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
         ("bilinear 2x 140x252x64", spec([140, 252, 280, 504, 64], Filter::Bilinear, Corners::Align, false)),
         ("bilinear + add 160x288x32", spec([160, 288, 280, 504, 32], Filter::Bilinear, Corners::Align, true)),
         ("bilinear 160x288x6", spec([160, 288, 280, 504, 6], Filter::Bilinear, Corners::HalfPixel, false)),
+        ("bilinear 160x288x3", spec([160, 288, 280, 504, 3], Filter::Bilinear, Corners::HalfPixel, false)),
         ("bicubic 37x37x384", spec([37, 37, 20, 36, 384], Filter::Bicubic, Corners::HalfPixel, false)),
     ];
     for (case, spec) in cases {

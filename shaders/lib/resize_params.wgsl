@@ -31,7 +31,8 @@ struct Params {
     // Whether coordinates below 0 count as 0 (bilinear).
     clamp: u32,
     has_add: u32,
-    pad0: u32,
+    // Lanes that share a pixel, a power of two up to 8 (software variants).
+    lanes: u32,
 }
 
 @group(0) @binding(0) var<uniform> p: Params;

@@ -1,7 +1,7 @@
 // resize, software devices, bilinear: see lib/resize_params for the equation and the shapes.
 //
-// A workgroup is one subgroup of 8 lanes and owns $STRIP columns of two neighbouring rows of y: for 8 lanes of channels
-// (lib/value) at a time it walks along them. Columns of x are blended vertically first and kept, so that pixels of y between the same
+// A workgroup is one subgroup of 8 lanes and walks along $STRIP columns of two neighbouring rows of y, p.lanes lanes of channels
+// (lib/value) at a time; where those are fewer than 8, several pairs of rows go side by side. Columns of x are blended vertically first and kept, so that pixels of y between the same
 // two columns share the loads, as the two rows share a row of x that both need: loads cost more than anything else.
 // QUAD needs c to be a multiple of 4, WIDE of 8, and gains only where no lane is without channels: from 64 on.
 #import resize_params
@@ -59,18 +59,18 @@ fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let lane = local.x;
     let strips = (p.wo + ${STRIP-1}u) / ${STRIP}u;
     let rows = p.frame_pixels / p.wo;
     let pairs = (rows + 1u) / 2u;
     let tile = lib_fold(group, groups);
     // Pairs of rows of all frames in order.
-    let pair = tile / strips;
+    let line_of_tiles = tile / strips;
+    let pair = line_of_tiles * (8u / p.lanes) + local.x / p.lanes;
     let frame = pair / pairs;
     if (frame * p.frame_pixels >= p.pixels) {
         return;
     }
-    let start = (tile - pair * strips) * ${STRIP}u;
+    let start = (tile - line_of_tiles * strips) * ${STRIP}u;
     let count = min(${STRIP}u, p.wo - start);
     let row = (pair - frame * pairs) * 2u;
     let both = row + 1u < rows;
@@ -89,7 +89,7 @@ fn main(
     let whole = p.x_a / p.x_d;
     let part = p.x_a - whole * p.x_d;
     let next = p.wo * p.c;
-    for (var c = lane; c < p.c; c += 8u) {
+    for (var c = local.x % p.lanes; c < p.c; c += p.lanes) {
         var cell1 = n0 / p.x_d;
         var over = n0 - cell1 * p.x_d;
         var to = p.y_rest + ((frame * rows + row) * p.wo + start) * p.c + c;

@@ -133,7 +133,7 @@ pub struct ResizeParams {
     add_rest: u32,
     clamp: u32,
     has_add: u32,
-    pad0: u32,
+    lanes: u32,
 }
 
 crate::layout::layout!(ResizeParams {
@@ -156,7 +156,7 @@ crate::layout::layout!(ResizeParams {
     add_rest,
     clamp,
     has_add,
-    pad0,
+    lanes,
 });
 
 /// The source coordinate of output o: `(o·a + b) / d − 1`, the numerator never negative.
@@ -276,19 +276,23 @@ impl Resize {
         let (y, y_rest) = cover(Y, (frame * ho + row) * wo * c, pixels * c, caps);
         let (add, add_rest) =
             if self.add { cover(ADD, row * wo * c, rows * wo * c, caps) } else { (Arg::ABSENT.into(), 0) };
-        let (bilinear, software) = (self.filter == Filter::Bilinear, caps.tier == Tier::Software);
+        let bilinear = self.filter == Filter::Bilinear;
+        let walks = bilinear && caps.tier == Tier::Software;
         // A variant, and the channels that it takes at a time.
         let (shader, unit) = match (bilinear, self.c.is_multiple_of(4)) {
-            (true, _) if software && self.c.is_multiple_of(64) => (&shaders::SOFTWARE8, 8),
-            (true, true) if software => (&shaders::SOFTWARE, 4),
-            (true, false) if software => (&shaders::SOFTWARE1, 1),
+            (true, _) if walks && self.c.is_multiple_of(64) => (&shaders::SOFTWARE8, 8),
+            (true, true) if walks => (&shaders::SOFTWARE, 4),
+            (true, false) if walks => (&shaders::SOFTWARE1, 1),
             (true, true) => (&shaders::BILINEAR4, 4),
             (true, false) => (&shaders::BILINEAR, 1),
             (false, true) => (&shaders::BICUBIC4, 4),
             (false, false) => (&shaders::BICUBIC, 1),
         };
-        let groups = if software && bilinear {
-            frames * rows.div_ceil(2) * wo.div_ceil(SOFTWARE_STRIP)
+        // Lanes that share a pixel: the rest of the 8 take other rows, so that all have work.
+        let units = c / u64::from(unit);
+        let lanes = if units >= 8 { 8 } else { 1 << units.trailing_zeros() };
+        let groups = if walks {
+            (frames * rows.div_ceil(2)).div_ceil(8 / lanes) * wo.div_ceil(SOFTWARE_STRIP)
         } else {
             (pixels * c / u64::from(unit)).div_ceil(64)
         };
@@ -312,7 +316,7 @@ impl Resize {
             add_rest: add_rest / unit,
             clamp: u32::from(bilinear),
             has_add: u32::from(self.add),
-            pad0: 0,
+            lanes: lanes as u32,
         };
         Dispatch::new(shader, &params, &[x, add, y], groups)
     }
