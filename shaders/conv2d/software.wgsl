@@ -7,7 +7,7 @@
 #import conv2d_params
 #import grid
 #import tile_walk
-#import conv2d_epilogue
+#import quad
 
 @group(0) @binding(1) var<storage, read> x: array<Quad>;
 @group(0) @binding(2) var<storage, read> w: array<Quad>;
@@ -20,7 +20,15 @@ fn finish(sum: vec4<f32>, pixel: u32, n4: u32, added: vec4<f32>) {
     if (pixel >= p.pixels || n4 * 4u >= p.co) {
         return;
     }
-    lib_finish(sum, p.y_rest / 4u + pixel * (p.co / 4u) + n4, added);
+    let at = p.y_rest / 4u + pixel * (p.co / 4u) + n4;
+    var v = lib_activate(sum + added, p.act);
+    if ((p.flags & HAS_RESIDUAL) != 0u) {
+        v += lib_quad(residual[at]);
+    }
+    if ((p.flags & HAS_RESIDUAL2) != 0u) {
+        v += lib_quad(residual2[at]);
+    }
+    y[at] = lib_to_quad(v);
 }
 
 @compute @workgroup_size(8)
@@ -63,7 +71,10 @@ fn main(
         }
     }
     let n4 = p.n0 / 4u + block * 8u + lane;
-    let added = lib_bias(n4);
+    var added = vec4<f32>(0.0);
+    if (n4 * 4u < p.co && (p.flags & HAS_BIAS) != 0u) {
+        added = lib_quad(bias[n4]);
+    }
 #for i in 0..$TM
     finish(c$i, pixel + (${i}u ^ lane), n4, added);
 #end

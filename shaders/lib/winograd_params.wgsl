@@ -32,10 +32,10 @@ struct Params {
     // Number of 32-channel blocks of U, and tiles of 32 rows that go by one before the next.
     blocks: u32,
     group: u32,
-    act: u32,
     flags: u32,
-    // Least value of pre(x): 0 for ReLU, else minus infinity.
+    // Least value of pre(x) and of act(): 0 for ReLU, else minus infinity.
     low: f32,
+    floor: f32,
     pad0: u32,
 }
 

@@ -2,7 +2,7 @@
 //
 // An invocation owns a tile (4x4 pixels) and 4 channels.
 #import winograd_params
-#import conv2d_epilogue
+#import conv2d_flags
 #import grid
 
 @group(0) @binding(1) var<storage, read> bias: array<Quad>;
@@ -36,7 +36,16 @@ fn finish(sum: vec4<f32>, at: vec3<u32>, n4: u32, added: vec4<f32>) {
     if (at.y >= p.ho || at.z >= p.wo) {
         return;
     }
-    lib_finish(sum, p.y_rest / 4u + ((at.x * p.ho + at.y) * p.wo + at.z) * (p.co / 4u) + n4, added);
+    let to = p.y_rest / 4u + ((at.x * p.ho + at.y) * p.wo + at.z) * (p.co / 4u) + n4;
+    let floor = vec4<f32>(p.floor);
+    var v = max(sum + added, floor);
+    if ((p.flags & HAS_RESIDUAL) != 0u) {
+        v += lib_quad(residual[to]);
+    }
+    if ((p.flags & HAS_RESIDUAL2) != 0u) {
+        v += lib_quad(residual2[to]);
+    }
+    y[to] = lib_to_quad(v);
 }
 
 @compute @workgroup_size(64)
@@ -61,7 +70,10 @@ fn main(
 #end
     let s$i = at(m${i}0, m${i}1, m${i}2, m${i}3, m${i}4, m${i}5);
 #end
-    let added = lib_bias(n4);
+    var added = vec4<f32>();
+    if ((p.flags & HAS_BIAS) != 0u) {
+        added = lib_quad(bias[n4]);
+    }
     let first = lib_tile(p.tile0 + row);
 #for j in 0..4
     let r$j = at(s0.v$j, s1.v$j, s2.v$j, s3.v$j, s4.v$j, s5.v$j);

@@ -71,16 +71,16 @@ fn every_shape_matches_the_oracle() {
     let Some(gpu) = software() else { return };
     // Odd sizes, several frames, maps of one tile's width, several blocks and a part of one, all paddings, several bands.
     for spec in [
-        plain(1, [1, 1], 4, 4, 1),
+        plain(1, [1, 1], 8, 4, 1),
         plain(1, [16, 16], 32, 32, 1),
-        plain(3, [17, 19], 36, 68, 1),
+        plain(3, [17, 19], 40, 68, 1),
         plain(1, [300, 1], 32, 36, 1),
         plain(2, [18, 20], 64, 100, 0),
         plain(1, [15, 18], 128, 40, 2),
         plain(1, [5, 7], 520, 36, 1),
         plain(2, [70, 67], 64, 64, 1),
     ] {
-        for spec in [spec, full(spec, Activation::Relu), full(spec, Activation::Gelu)] {
+        for spec in [spec, full(spec, Activation::Relu), full(spec, Activation::None)] {
             let numbers = Numbers::of(&spec);
             let weight = |k: usize, o: usize| numbers.weight(&spec, k, o);
             let [residual, residual2] = &numbers.residuals;
@@ -94,7 +94,7 @@ fn every_shape_matches_the_oracle() {
 #[test]
 fn splitting_over_frames_changes_no_bit() {
     let Some(gpu) = software() else { return };
-    let spec = full(plain(9, [64, 60], 80, 80, 1), Activation::Silu);
+    let spec = full(plain(9, [64, 60], 80, 80, 1), Activation::Relu);
     // A frame is 1.2 MiB, the scratch of a band 8 MiB: all nine do not go at once.
     let small = with_max_binding(gpu, 17 << 19);
     let count = |gpu: &Gpu| Winograd { conv: spec }.record(&gpu.caps).expect("records").len();
@@ -115,7 +115,8 @@ fn only_what_is_right_and_faster_goes_this_way() {
         Conv2d { kernel: [1, 9], ..good },
         Conv2d { frames: 0, ..good },
         Conv2d { weights: weights(WeightType::F16), ..good },
-        plain(1, [80, 144], 129, 128, 1),
+        Conv2d { act: Activation::Gelu, ..good },
+        plain(1, [80, 144], 124, 128, 1),
         plain(1, [80, 144], 128, 130, 1),
     ];
     for conv in impossible {

@@ -17,7 +17,7 @@ use crate::conv2d::Conv2d;
 pub use crate::conv2d::{BIAS, RESIDUAL, RESIDUAL2, W, X, Y};
 use crate::cover::{cover, room};
 use crate::dispatch::Window;
-use crate::{Arg, Caps, Dispatch, KernelError, PackedWeights, Tier, WeightType};
+use crate::{Activation, Arg, Caps, Dispatch, KernelError, PackedWeights, Tier, WeightType};
 
 /// Transformed tiles of x and, behind them, of y: [`Winograd::scratch`] words. [`W`] are transformed weights
 /// ([`transform`]) of the shape [`Winograd::weights`]; the other arguments are [`Conv2d`]'s.
@@ -50,9 +50,9 @@ pub struct WinogradParams {
     y_rest: u32,
     blocks: u32,
     group: u32,
-    act: u32,
     flags: u32,
     low: f32,
+    floor: f32,
     pad0: u32,
 }
 
@@ -73,9 +73,9 @@ crate::layout::layout!(WinogradParams {
     y_rest,
     blocks,
     group,
-    act,
     flags,
     low,
+    floor,
     pad0,
 });
 
@@ -108,8 +108,9 @@ impl Winograd {
         (faster && this.possible(caps)).then_some(this)
     }
 
-    /// Whether the kernels compute this: f32 weights, since transformed ones need more digits than f16 has; channels in
-    /// fours; a frame, the weights and the scratch within the device's binding limit.
+    /// Whether the kernels compute this: f32 weights, since transformed ones need more digits than f16 has; input
+    /// channels in eights, output channels in fours; no activation but ReLU, since all of them would be computed to choose one; a frame, the weights and the scratch
+    /// within the device's binding limit.
     fn possible(&self, caps: &Caps) -> bool {
         let Conv2d { kernel, stride, hi, wi, ci, weights, .. } = self.conv;
         let [ho, wo] = self.conv.output().map(u64::from);
@@ -117,9 +118,10 @@ impl Winograd {
         let right =
             caps.tier == Tier::Software && kernel == [3, 3] && stride == 1 && weights.storage == WeightType::F32;
         let some = self.conv.frames > 0 && ci > 0 && weights.n > 0 && ho > 0 && wo > 0 && weights.k == 9 * ci;
-        let fours = ci.is_multiple_of(4) && weights.n.is_multiple_of(4);
+        let units = ci.is_multiple_of(8) && weights.n.is_multiple_of(4);
+        let plain = matches!(self.conv.act, Activation::None | Activation::Relu);
         let fits = || frame <= room(caps) && self.weights().bytes().max(self.scratch() * 4) <= caps.max_binding;
-        right && some && fours && fits()
+        right && some && units && plain && fits()
     }
 
     /// The shape of the transformed weights: k = place · ci + c.
@@ -152,8 +154,8 @@ impl Winograd {
     /// The dispatches that compute this on a software device with `caps`.
     ///
     /// # Errors
-    /// When it is no convolution of 3×3, stride 1 with f32 weights and channels in fours, the device is no software device, or a
-    /// frame, the weights or the scratch exceed its binding limit.
+    /// When it is no convolution of 3×3, stride 1 with f32 weights, channels in eights (out: in fours) and no activation but
+    /// ReLU, the device is no software device, or a frame, the weights or the scratch exceed its binding limit.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
         if !self.possible(caps) {
             let reason = format!("not by Winograd's algorithm: {:?}", self.conv);
@@ -209,9 +211,9 @@ impl Winograd {
             y_rest,
             blocks: conv.weights.blocks(),
             group: one.row_group(row_tiles, ROWS * ci * 4),
-            act: conv.act as u32,
             flags: conv.flags(),
             low: conv.low(),
+            floor: if conv.act == Activation::Relu { 0.0 } else { f32::NEG_INFINITY },
             pad0: 0,
         };
         let same = |arg: Arg, there: bool| if there { maps(arg).0 } else { Arg::ABSENT.into() };
@@ -222,7 +224,7 @@ impl Winograd {
         let v = SCRATCH.window(0, bytes * ci);
         let m = SCRATCH.window(bytes * ci, bytes * co);
         let last = [BIAS.when(conv.bias).into(), residual, residual2, y, m];
-        out.push(Dispatch::new(&shaders::INPUT, &params, &[x, v], (tiles * ci / 4).div_ceil(LANES)));
+        out.push(Dispatch::new(&shaders::INPUT, &params, &[x, v], (tiles * ci / 8).div_ceil(LANES)));
         out.push(Dispatch::new(&shaders::PRODUCT, &params, &[W.into(), v, m], products));
         out.push(Dispatch::new(&shaders::OUTPUT, &params, &last, (tiles * co / 4).div_ceil(LANES)));
     }
