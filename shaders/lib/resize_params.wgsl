@@ -1,8 +1,9 @@
 // What all variants of `resize` share: parameters and source coordinates.
 //
-//   y[f, oy, ox, c] = sum_{taps} wy wx x[f, iy, ix, c] + add[oy, ox, c]
+//   y[f, oy, ox, c] = sum_{taps} wy wx x[f, iy, ix, c] + code[ox, c]                  for c < C / 2
+//                                                      + code[wo + oy, c - C / 2]     for the others
 //
-// x [f, hi, wi, c], y [f, ho, wo, c], add [ho, wo, c]. The source coordinate of output o is the rational
+// x [f, hi, wi, C], y [f, ho, wo, C], code [wo + ho, C / 2] (spec/da3.md 6.1), rows counted over the whole map. The source coordinate of output o is the rational
 // (o a + b) / d (a, b, d an axis' own), split into cell and fraction in integers: no rounding error grows
 // with o. The host passes b + d, so that the numerator is never negative.
 
@@ -27,10 +28,10 @@ struct Params {
     // Distance of the first pixel from the start of its window, in the unit of the variant.
     x_rest: u32,
     y_rest: u32,
-    add_rest: u32,
+    code_rest: u32,
     // Whether coordinates below 0 count as 0 (bilinear).
     clamp: u32,
-    has_add: u32,
+    has_code: u32,
     // Lanes that share a pixel, a power of two up to 8 (software variants).
     lanes: u32,
 }

@@ -14,12 +14,12 @@
 
 #if VEC4
 @group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> add: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> code: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> y: array<vec4<f32>>;
 alias Value = vec4<f32>;
 #else
 @group(0) @binding(1) var<storage, read> x: array<f32>;
-@group(0) @binding(2) var<storage, read> add: array<f32>;
+@group(0) @binding(2) var<storage, read> code: array<f32>;
 @group(0) @binding(3) var<storage, read_write> y: array<f32>;
 alias Value = f32;
 #endif
@@ -72,8 +72,10 @@ fn main(
     let bottom = mix(tap(frame, v.cell + 1, h.cell, c), tap(frame, v.cell + 1, h.cell + 1, c), h.fraction);
     var sum = mix(top, bottom, v.fraction);
 #endif
-    if (p.has_add != 0u) {
-        sum += add[p.add_rest + inside * p.c + c];
+    if (p.has_code != 0u) {
+        let half = p.c / 2u;
+        let column = inside - row * p.wo;
+        sum += code[p.code_rest + select((p.wo + p.oy0 + row) * half + c - half, column * half + c, c < half)];
     }
     y[p.y_rest + i] = sum;
 }

@@ -20,7 +20,7 @@ fn blend(a: Value, b: Value, t: f32) -> Value {
 #endif
 
 @group(0) @binding(1) var<storage, read> x: array<Stored>;
-@group(0) @binding(2) var<storage, read> add: array<Stored>;
+@group(0) @binding(2) var<storage, read> code: array<Stored>;
 @group(0) @binding(3) var<storage, read_write> y: array<Stored>;
 
 // Of two rows of y: where the rows of x start that each lies between, and how far from the first of them.
@@ -94,7 +94,19 @@ fn main(
         var cell1 = n0 / p.x_d;
         var over = n0 - cell1 * p.x_d;
         var to = p.y_rest + ((frame * rows + row) * p.wo + start) * p.c + c;
-        var extra = p.add_rest + (row * p.wo + start) * p.c + c;
+        // The code of the two rows; that of columns changes along the way.
+        let half = p.c / 2u;
+        let by_column = p.has_code != 0u && c < half;
+        var along = p.code_rest + start * half + c;
+        var code_first = Value();
+        var code_second = Value();
+        if (p.has_code != 0u && c >= half) {
+            let at = p.code_rest + (p.wo + p.oy0 + row) * half + c - half;
+            code_first = lib_value(code[at]);
+            if (both) {
+                code_second = lib_value(code[at + half]);
+            }
+        }
         // The columns a and b are of; none yet.
         var left = 0xffffffffu;
         var right = 0xffffffffu;
@@ -117,14 +129,13 @@ fn main(
                 b = column(between, r * p.c + c);
                 right = r;
             }
-            var first = blend(a.first, b.first, t);
-            var second = blend(a.second, b.second, t);
-            if (p.has_add != 0u) {
-                first += lib_value(add[extra]);
-                if (both) {
-                    second += lib_value(add[extra + next]);
-                }
-                extra += p.c;
+            var first = blend(a.first, b.first, t) + code_first;
+            var second = blend(a.second, b.second, t) + code_second;
+            if (by_column) {
+                let column_code = lib_value(code[along]);
+                first += column_code;
+                second += column_code;
+                along += half;
             }
             y[to] = lib_stored(first);
             if (both) {

@@ -1,7 +1,7 @@
 //! Every fusion rule: the fused graph has fewer nodes and gives the unfused graph's numbers.
 
 use omnix_graph::fuse::fuse;
-use omnix_graph::op::{Binary, Corners, Filter, Op, Unary};
+use omnix_graph::op::{Binary, Op, Unary};
 use omnix_graph::{Graph, PlanOptions};
 use omnix_tests::{assert_close, tiers};
 
@@ -75,17 +75,6 @@ fn a_residual_unit_is_two_convolutions() {
     let y = g.add_values(x, y).expect("lateral");
     g.output(y, "y");
     check("x + RCU(side)", &g, 2);
-}
-
-#[test]
-fn a_table_joins_the_resize_before_it() {
-    let mut g = Graph::new();
-    let x = g.input("x", [2, 4, 3, 8]);
-    let table = g.constant("table", [8, 6, 8], (0..8 * 6 * 8).map(|i| i as f32 / 100.0).collect());
-    let y = g.resize(x, 8, 6, Filter::Bilinear, Corners::Align).expect("resize");
-    let y = g.add_values(y, table).expect("sum");
-    g.output(y, "y");
-    check("resize and table", &g, 1);
 }
 
 #[test]

@@ -8,10 +8,11 @@ use omnix_tests::{Rng, assert_close, tiers, with_max_binding};
 fn case(gpu: &Gpu, spec: &Resize) -> (Vec<f32>, Vec<f32>) {
     let mut rng = Rng::new(u64::from(spec.hi * 7 + spec.c));
     let x = rng.normal((spec.frames * spec.hi * spec.wi * spec.c) as usize);
-    let add = rng.normal((spec.ho * spec.wo * spec.c) as usize);
-    let args = [HostArg::F32(&x), HostArg::F32(&add), HostArg::Out(spec.frames as usize * add.len())];
+    let code = rng.normal(((spec.ho + spec.wo) * (spec.c / 2)) as usize);
+    let out = spec.frames * spec.ho * spec.wo * spec.c;
+    let args = [HostArg::F32(&x), HostArg::F32(&code), HostArg::Out(out as usize)];
     let got = run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
-    (got, cpu::resize(spec, &x, &add))
+    (got, cpu::resize(spec, &x, &code))
 }
 
 fn corners() -> [Corners; 3] {
@@ -29,6 +30,8 @@ fn every_variant_matches_the_oracle() {
         [9, 13, 4, 31, 36],
         [20, 36, 40, 71, 64],
         [3, 2, 70, 33, 8],
+        [6, 7, 9, 30, 6],
+        [6, 7, 9, 5, 20],
         [37, 37, 20, 36, 12],
         [6, 5, 9, 12, 13],
         [5, 4, 7, 9, 128],
@@ -37,13 +40,14 @@ fn every_variant_matches_the_oracle() {
     for gpu in tiers() {
         for [hi, wi, ho, wo, c] in shapes {
             for filter in [Filter::Bilinear, Filter::Bicubic] {
-                for (frames, corners, add) in [
+                for (frames, corners, code) in [
                     (2, corners()[0], true),
                     (1, corners()[0], false),
                     (2, corners()[1], false),
                     (1, corners()[2], true),
                 ] {
-                    let spec = Resize { frames, hi, wi, ho, wo, c, filter, corners, add };
+                    let code = code && c % 2 == 0;
+                    let spec = Resize { frames, hi, wi, ho, wo, c, filter, corners, code };
                     let (got, want) = case(&gpu, &spec);
                     assert_close(&format!("{} {spec:?}", gpu.caps.tier), &got, &want, 1e-6);
                 }
@@ -68,7 +72,7 @@ fn long_sides_lose_no_precision() {
                 c: 1,
                 filter: Filter::Bilinear,
                 corners,
-                add: false,
+                code: false,
             };
             let args = [HostArg::F32(&x), HostArg::F32(&[0.0]), HostArg::Out(n_out as usize)];
             let got = run(&gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
@@ -89,7 +93,7 @@ fn splitting_over_frames_and_bands_changes_no_bit() {
             ([60, 11, 22, 5, 3], corners()[2]),
         ] {
             for filter in [Filter::Bilinear, Filter::Bicubic] {
-                let spec = Resize { frames: 3, hi, wi, ho, wo, c, filter, corners, add: true };
+                let spec = Resize { frames: 3, hi, wi, ho, wo, c, filter, corners, code: c % 2 == 0 };
                 let (whole, _) = case(&gpu, &spec);
                 let small = with_max_binding(&gpu, 3072);
                 assert!(spec.record(&small.caps).expect("records").len() > 2);
@@ -110,11 +114,14 @@ fn bad_specifications_are_errors() {
         c: 4,
         filter: Filter::Bilinear,
         corners: Corners::Align,
-        add: false,
+        code: false,
     };
     let caps = Caps { max_binding: 4096, ..Caps::baseline() };
     assert!(spec.record(&caps).expect_err("wide").to_string().contains("binds at most 4096"));
     assert!(Resize { ho: 0, ..spec }.record(&caps).is_err());
+    assert!(Resize { c: 3, code: true, ..spec }.record(&caps).expect_err("odd").to_string().contains("odd number"));
+    let tall = Resize { wi: 1, ho: 400, wo: 1, code: true, c: 64, ..spec };
+    assert!(tall.record(&caps).expect_err("tall").to_string().contains("binds at most 4096"));
     let long = Resize { wi: 100_000, wo: 100_000, ..spec };
     assert!(long.record(&caps).expect_err("long").to_string().contains("sides too long"));
 }

@@ -83,7 +83,7 @@ impl Run<'_> {
                 vec![self.attention(a), state]
             }
             Op::Conv2d(c) => vec![self.conv2d(c)],
-            Op::Resize { x, filter, corners, add } => vec![self.resize(*x, y, (*filter, *corners), *add)],
+            Op::Resize { x, filter, corners, code } => vec![self.resize(*x, y, (*filter, *corners), *code)],
             Op::Copy { pieces } => vec![self.copy(pieces)],
             Op::Unary { op, x } => vec![self.get(*x).iter().map(|v| unary(*op, *v)).collect()],
             Op::Binary { op, a, b } => vec![self.binary(*op, *a, *b)],
@@ -216,7 +216,7 @@ impl Run<'_> {
         y
     }
 
-    fn resize(&self, x: Value, y: Value, (filter, corners): (Filter, Corners), add: Option<Value>) -> Vec<f32> {
+    fn resize(&self, x: Value, y: Value, (filter, corners): (Filter, Corners), code: Option<Value>) -> Vec<f32> {
         let [frames, h, w, c] = self.dims(x)[..] else { panic!("a map") };
         let [_, ho, wo, _] = self.dims(y)[..] else { panic!("a map") };
         let rows: Vec<_> = (0..ho).map(|o| taps(o, h, ho, filter, corners, true)).collect();
@@ -230,9 +230,10 @@ impl Run<'_> {
                     out.iter_mut().zip(from).for_each(|(o, v)| *o += (wy * wx) as f32 * v);
                 }
             }
-            if let Some(add) = add {
-                let table = &self.get(add)[pixel % (ho * wo) * c..][..c];
-                out.iter_mut().zip(table).for_each(|(o, v)| *o += v);
+            if let Some(code) = code {
+                let (table, half) = (self.get(code), c / 2);
+                let [column, row] = [ox, wo + oy].map(|line| &table[line * half..][..half]);
+                out.iter_mut().zip(column.iter().chain(row)).for_each(|(o, v)| *o += v);
             }
         }
         y

@@ -6,7 +6,6 @@
 //! * an activation after a linear layer, convolution or layer norm becomes its epilogue;
 //! * a product with a row vector (layer scale) after a linear layer becomes its `gamma`;
 //! * an addition after a linear layer or convolution becomes its residual (a convolution takes two);
-//! * an addition of a table after a resize becomes its `add`;
 //! * a ReLU before a convolution becomes its prologue.
 //!
 //! Layer norm stays apart from the products that read it: a product reads each row once for every 32
@@ -109,11 +108,6 @@ impl Pass {
             }
             (Op::Linear(l), Then::Add(b)) if same(&b) && l.residual.is_none() => l.residual = Some(b.value),
             (Op::Conv2d(c), Then::Add(b)) if same(&b) => *c.residuals.iter_mut().find(|r| r.is_none())? = Some(b.value),
-            (Op::Resize { add, .. }, Then::Add(b))
-                if add.is_none() && b.div == 1 && **self.graph.shape(b.value) == shape[1..] =>
-            {
-                *add = Some(b.value);
-            }
             _ => return None,
         }
         Some(merged)

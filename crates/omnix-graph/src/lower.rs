@@ -104,7 +104,7 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
                 one(args, conv.record(caps)?)
             }
         }
-        Op::Resize { x, filter, corners, add } => {
+        Op::Resize { x, filter, corners, code } => {
             let (from, to) = (graph.shape(*x), graph.shape(y));
             let spec = Resize {
                 frames: n(from[0])?,
@@ -115,9 +115,9 @@ pub(crate) fn lower(plan: &Plan, node: &Node, chunk: Option<(usize, usize)>) -> 
                 c: n(from[3])?,
                 filter: *filter,
                 corners: *corners,
-                add: add.is_some(),
+                code: code.is_some(),
             };
-            one(smallvec![Some(*x), *add, Some(y)], spec.record(caps)?)
+            one(smallvec![Some(*x), *code, Some(y)], spec.record(caps)?)
         }
         Op::Copy { pieces } => pieces
             .iter()

@@ -157,7 +157,7 @@ pub enum Op {
     Attention(Attention),
     /// Convolution with epilogue.
     Conv2d(Conv2d),
-    /// `[f, h, w, c]` to another height and width, plus an optional `[h, w, c]`.
+    /// `[f, h, w, c]` to another height and width, plus an optional code of columns and rows.
     Resize {
         /// Input map.
         x: Value,
@@ -165,8 +165,8 @@ pub enum Op {
         filter: Filter,
         /// Where the corners go.
         corners: Corners,
-        /// Fused addition, the same for every frame.
-        add: Option<Value>,
+        /// Added to every frame: `[w + h, c/2]`, see `omnix_kernels::resize`.
+        code: Option<Value>,
     },
     /// An output put together from strided pieces that cover it.
     Copy {
@@ -343,9 +343,9 @@ impl Op {
                 all(&mut [x, w]);
                 bias.iter_mut().chain(residuals.iter_mut().flatten()).for_each(|v| all(&mut [v]));
             }
-            Self::Resize { x, add, .. } => {
+            Self::Resize { x, code, .. } => {
                 all(&mut [x]);
-                add.iter_mut().for_each(|v| all(&mut [v]));
+                code.iter_mut().for_each(|v| all(&mut [v]));
             }
             Self::Copy { pieces } => pieces.iter_mut().for_each(|(v, _)| all(&mut [v])),
             Self::Binary { a, b, .. } => all(&mut [a, &mut b.value]),

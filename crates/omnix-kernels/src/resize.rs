@@ -1,5 +1,7 @@
 //! Bilinear and bicubic resizing of channels-last maps, with an optional addition of position codes:
-//! `y[f, oy, ox, c] = Σ_taps w_y w_x x[f, iy, ix, c] + add[oy, ox, c]`.
+//! `y[f, oy, ox, c] = Σ_taps w_y w_x x[f, iy, ix, c] + code`, where half of the code's channels depend on the column alone and
+//! half on the row: `code[ox, c]` for `c < C/2`, `code[wo + oy, c − C/2]` for the others. The whole table, C/2 · ho · wo numbers more,
+//! is never made.
 //!
 //! Bicubic is Keys' kernel with a = −0.75; its taps outside of the map take the border's value and its source
 //! coordinate is not clamped. Bilinear clamps the coordinate below at 0, and its second tap at the border. Source
@@ -14,8 +16,8 @@ use crate::{Arg, Caps, Dispatch, KernelError, Tier};
 
 /// Input `[frames, hi, wi, c]`.
 pub const X: Arg = Arg(0);
-/// Added to every frame's result, `[ho, wo, c]`.
-pub const ADD: Arg = Arg(1);
+/// Added to every frame's result, `[wo + ho, c/2]`: rows for columns, then for rows.
+pub const CODE: Arg = Arg(1);
 /// Output `[frames, ho, wo, c]`.
 pub const Y: Arg = Arg(2);
 
@@ -106,8 +108,8 @@ pub struct Resize {
     pub filter: Filter,
     /// Which coordinates.
     pub corners: Corners,
-    /// Whether [`ADD`] is there.
-    pub add: bool,
+    /// Whether [`CODE`] is there; c is even then.
+    pub code: bool,
 }
 
 /// `Params` of `shaders/resize`.
@@ -130,9 +132,9 @@ pub struct ResizeParams {
     iy0: u32,
     x_rest: u32,
     y_rest: u32,
-    add_rest: u32,
+    code_rest: u32,
     clamp: u32,
-    has_add: u32,
+    has_code: u32,
     lanes: u32,
 }
 
@@ -153,9 +155,9 @@ crate::layout::layout!(ResizeParams {
     iy0,
     x_rest,
     y_rest,
-    add_rest,
+    code_rest,
     clamp,
-    has_add,
+    has_code,
     lanes,
 });
 
@@ -182,18 +184,26 @@ impl Resize {
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let [hi, wi, ho, wo] = [self.hi, self.wi, self.ho, self.wo].map(u64::from);
-        4 * u64::from(self.c) * (u64::from(self.frames) * (hi * wi + ho * wo) + if self.add { ho * wo } else { 0 })
+        let code = if self.code { (ho + wo) / 2 } else { 0 };
+        4 * u64::from(self.c) * (u64::from(self.frames) * (hi * wi + ho * wo) + code)
     }
 
     /// The dispatches that compute this on a device with `caps`.
     ///
     /// # Errors
-    /// When a side is 0 or so long that the coordinates leave 32 bits (about 30,000), or when one row of a map (with
-    /// the rows it is computed from) is larger than the device's binding limit.
+    /// When a side is 0 or the channels of a code are odd, when a side is so long that the coordinates leave 32 bits (about 30,000), or
+    /// when the code or one row of a map (with the rows it is computed from) is larger than the device's binding limit.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
         let unsupported = |reason: String| KernelError::Unsupported { kernel: "resize", reason };
         if [self.frames, self.hi, self.wi, self.ho, self.wo, self.c].contains(&0) {
             return Err(unsupported(format!("nothing to compute: {self:?}")));
+        }
+        if self.code && !self.c.is_multiple_of(2) {
+            return Err(unsupported(format!("a code of an odd number of channels: {self:?}")));
+        }
+        let code = 4 * (u64::from(self.wo) + u64::from(self.ho)) * u64::from(self.c / 2);
+        if self.code && code > caps.max_binding {
+            return Err(KernelError::RowTooLarge { kernel: "resize", bytes: code, limit: caps.max_binding });
         }
         let axes = [self.axis(self.hi, self.ho, true), self.axis(self.wi, self.wo, false)];
         for (axis, n_out) in axes.iter().zip([self.ho, self.wo]) {
@@ -274,12 +284,13 @@ impl Resize {
         let (x, x_rest) = cover(X, (frame * hi + iy0) * wi * c, ((frames - 1) * hi + iy1 - iy0) * wi * c, caps);
         let pixels = frames * rows * wo;
         let (y, y_rest) = cover(Y, (frame * ho + row) * wo * c, pixels * c, caps);
-        let (add, add_rest) =
-            if self.add { cover(ADD, row * wo * c, rows * wo * c, caps) } else { (Arg::ABSENT.into(), 0) };
+        let (code, code_rest) =
+            if self.code { cover(CODE, 0, (wo + ho) * (c / 2), caps) } else { (Arg::ABSENT.into(), 0) };
         let bilinear = self.filter == Filter::Bilinear;
         let walks = bilinear && caps.tier == Tier::Software;
-        // A variant, and the channels that it takes at a time.
-        let (shader, unit) = match (bilinear, self.c.is_multiple_of(4)) {
+        // A variant, and the channels that it takes at a time. A code changes in the middle of them.
+        let fours = self.c.is_multiple_of(if self.code { 8 } else { 4 });
+        let (shader, unit) = match (bilinear, fours) {
             (true, _) if walks && self.c.is_multiple_of(64) => (&shaders::SOFTWARE8, 8),
             (true, true) if walks => (&shaders::SOFTWARE, 4),
             (true, false) if walks => (&shaders::SOFTWARE1, 1),
@@ -313,12 +324,12 @@ impl Resize {
             iy0: iy0 as u32,
             x_rest: x_rest / unit,
             y_rest: y_rest / unit,
-            add_rest: add_rest / unit,
+            code_rest: code_rest / unit,
             clamp: u32::from(bilinear),
-            has_add: u32::from(self.add),
+            has_code: u32::from(self.code),
             lanes: lanes as u32,
         };
-        Dispatch::new(shader, &params, &[x, add, y], groups)
+        Dispatch::new(shader, &params, &[x, code, y], groups)
     }
 }
 

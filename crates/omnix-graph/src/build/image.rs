@@ -79,7 +79,26 @@ impl Graph {
         filter: Filter,
         corners: Corners,
     ) -> Result<Value, GraphError> {
+        self.resize_coded(x, [rows, columns], filter, corners, None)
+    }
+
+    /// [`Graph::resize`] to `[rows, columns]`, plus a code whose first half of channels depends on the column alone and whose second
+    /// half on the row: `code` is `[columns + rows, c/2]`, columns first.
+    ///
+    /// # Errors
+    /// When `x` is no map, or the code has another shape.
+    pub fn resize_coded(
+        &mut self,
+        x: Value,
+        [rows, columns]: [usize; 2],
+        filter: Filter,
+        corners: Corners,
+        code: Option<Value>,
+    ) -> Result<Value, GraphError> {
         let [frames, _, _, channels] = self.map_dims("resize", x)?;
-        Ok(self.push_one(Op::Resize { x, filter, corners, add: None }, [frames, rows, columns, channels]))
+        if let Some(code) = code {
+            self.expect("resize", code, &[columns + rows, channels / 2])?;
+        }
+        Ok(self.push_one(Op::Resize { x, filter, corners, code }, [frames, rows, columns, channels]))
     }
 }

@@ -38,12 +38,13 @@ fn taps(filter: Filter, coordinate: f64, n: u32) -> Vec<(usize, f64)> {
     }
 }
 
-/// `y[f, oy, ox, c] = Σ_taps w_y w_x x[f, iy, ix, c] + add[oy, ox, c]`; `add` is read where the specification has it.
+/// `y[f, oy, ox, c] = Σ_taps w_y w_x x[f, iy, ix, c] + code`, the code as in [`crate::resize`]; it is read where the specification has
+/// it.
 ///
 /// # Panics
 /// When a slice is shorter than the specification says.
 #[must_use]
-pub fn resize(spec: &Resize, x: &[f32], add: &[f32]) -> Vec<f32> {
+pub fn resize(spec: &Resize, x: &[f32], code: &[f32]) -> Vec<f32> {
     let [hi, wi, ho, wo, c] = [spec.hi, spec.wi, spec.ho, spec.wo, spec.c].map(|n| n as usize);
     let mut y = Vec::with_capacity(spec.frames as usize * ho * wo * c);
     for f in 0..spec.frames as usize {
@@ -52,7 +53,9 @@ pub fn resize(spec: &Resize, x: &[f32], add: &[f32]) -> Vec<f32> {
             for ox in 0..wo {
                 let columns = taps(spec.filter, coordinate(spec.corners, spec.wi, spec.wo, false, ox), spec.wi);
                 for channel in 0..c {
-                    let mut sum = if spec.add { f64::from(add[(oy * wo + ox) * c + channel]) } else { 0.0 };
+                    let half = c / 2;
+                    let place = if channel < half { ox * half + channel } else { (wo + oy) * half + channel - half };
+                    let mut sum = if spec.code { f64::from(code[place]) } else { 0.0 };
                     for &(iy, wy) in &rows {
                         for &(ix, wx) in &columns {
                             sum += wy * wx * f64::from(x[((f * hi + iy) * wi + ix) * c + channel]);

@@ -1,10 +1,10 @@
 //! The two ends of the head (`spec/da3.md` section 6, steps 4 and 5; clamps: `spec/omnix.md` 4.1).
 
-use omnix_graph::op::Unary;
+use omnix_graph::op::{Corners, Filter, Unary};
 use omnix_graph::{Graph, GraphError, Value};
 
 use super::{Head, uv};
-use crate::layers::{conv3, layer_norm, pointwise_conv, relu, resize};
+use crate::layers::{conv3, layer_norm, pointwise_conv, relu};
 
 /// Channels before the last 1×1 convolutions.
 const HIDDEN: usize = 32;
@@ -19,9 +19,8 @@ impl Head {
         let (at, half, [height, width]) = (self.at.pp("scratch"), self.features / 2, self.picture());
         let neck = conv3(g, &at.pp("output_conv1"), fused, half, 1)?;
         g.name(neck, "head.neck");
-        let code = uv::map(g, (height, width), half, self.picture())?;
-        let x = resize(g, neck, height, width)?;
-        let x = g.add_values(x, code)?;
+        let code = uv::table(g, (height, width), half, self.picture());
+        let x = g.resize_coded(neck, [height, width], Filter::Bilinear, Corners::Align, Some(code))?;
         g.name(x, "head.main.in");
         let x = conv3(g, &at.pp("output_conv2.0"), x, hidden, 1)?;
         Ok(relu(g, x))

@@ -1,23 +1,28 @@
 //! The UV code added to maps (`spec/da3.md` 6.1).
 //!
-//! Half of its channels depend on the column alone and half on the row, so two narrow tables are stored and spread over
-//! the map on the device: at full picture size the whole code of a large network would take 70 MB of constants.
+//! Half of its channels depend on the column alone and half on the row, so a narrow table is stored: at full picture size the whole code
+//! of a large network would take 70 MB. A resize adds it as it is ([`table`]); elsewhere it is spread over the map on the device
+//! ([`map`]).
 
 use omnix_geometry::codes::{Layout, uv_code};
 use omnix_graph::build::Piece;
 use omnix_graph::{Graph, GraphError, Value};
 
+/// The code of a map as `Graph::resize_coded` takes it, `[w + h, c/2]`: of each column, then of each row.
+pub(super) fn table(g: &mut Graph, (h, w): (usize, usize), c: usize, picture: [usize; 2]) -> Value {
+    let half = c / 2;
+    let mut table = halves(&uv_code(c, 1, w, picture, Layout::ChannelsLast), c, 0);
+    table.extend(halves(&uv_code(c, h, 1, picture, Layout::ChannelsLast), c, half));
+    g.constant("uv.table", [w + h, half], table)
+}
+
 /// The code `[h, w, c]` of a map, gain included, for a picture of this height and width.
 pub(super) fn map(g: &mut Graph, (h, w): (usize, usize), c: usize, picture: [usize; 2]) -> Result<Value, GraphError> {
     let half = c / 2;
-    let columns = halves(&uv_code(c, 1, w, picture, Layout::ChannelsLast), c, 0);
-    let rows = halves(&uv_code(c, h, 1, picture, Layout::ChannelsLast), c, half);
-    let columns = g.constant("uv.columns", [w, half], columns);
-    let rows = g.constant("uv.rows", [h, half], rows);
-    let dims = vec![h, w, half];
+    let (value, dims) = (table(g, (h, w), c, picture), vec![h, w, half]);
     let pieces = [
-        Piece { value: columns, dims: dims.clone(), start: 0, strides: vec![0, half, 1], at: vec![0, 0, 0] },
-        Piece { value: rows, dims, start: 0, strides: vec![half, 0, 1], at: vec![0, 0, half] },
+        Piece { value, dims: dims.clone(), start: 0, strides: vec![0, half, 1], at: vec![0, 0, 0] },
+        Piece { value, dims, start: w * half, strides: vec![half, 0, 1], at: vec![0, 0, half] },
     ];
     g.assemble([h, w, c], &pieces)
 }
