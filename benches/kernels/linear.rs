@@ -6,8 +6,14 @@ use omnix_kernels::run::HostArg;
 use omnix_kernels::{Activation, KernelError, PackedWeights, WeightType};
 
 /// Rows, columns, depth.
-const SHAPES: &[(u32, u32, u32)] =
-    &[(1296, 1152, 384), (1296, 1536, 384), (1296, 384, 1536), (4096, 3072, 1024), (20_736, 512, 512)];
+const SHAPES: &[(u32, u32, u32)] = &[
+    (1296, 1152, 384),
+    (1296, 1536, 384),
+    (1296, 384, 1536),
+    (4096, 3072, 1024),
+    (20_736, 512, 512),
+    (141_120, 2, 32),
+];
 
 pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
     for &(m, n, k) in SHAPES {

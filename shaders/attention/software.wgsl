@@ -9,6 +9,7 @@
 #import attention_params
 #import grid
 #import quad
+#import row_sum
 
 @group(0) @binding(1) var<storage, read> q: array<Quad>;
 @group(0) @binding(2) var<uniform> k: array<Quad, 4096>;
@@ -24,21 +25,12 @@ fn sum4(v: vec4<f32>) -> f32 {
     return (v.x + v.y) + (v.z + v.w);
 }
 
-// The lanes' parts of 8 rows, the even and the odd ones, to the whole of row `lane` in each lane: of two rows a lane keeps the one
-// whose number has its bit and gives the other away, for each of three bits. Every row is summed in one order, whatever its place
-// in the tile.
+// As lib_row_sum, the maximum.
 fn row_top(even: vec4<f32>, odd: vec4<f32>, lane: u32) -> f32 {
     let bit = (vec3<u32>(lane) & vec3<u32>(1u, 2u, 4u)) != vec3<u32>(0u);
     let a = max(select(even, odd, bit.x), subgroupShuffleXor(select(odd, even, bit.x), 1u));
     let b = max(select(a.xz, a.yw, bit.y), subgroupShuffleXor(select(a.yw, a.xz, bit.y), 2u));
     return max(select(b.x, b.y, bit.z), subgroupShuffleXor(select(b.y, b.x, bit.z), 4u));
-}
-
-fn row_sum(even: vec4<f32>, odd: vec4<f32>, lane: u32) -> f32 {
-    let bit = (vec3<u32>(lane) & vec3<u32>(1u, 2u, 4u)) != vec3<u32>(0u);
-    let a = select(even, odd, bit.x) + subgroupShuffleXor(select(odd, even, bit.x), 1u);
-    let b = select(a.xz, a.yw, bit.y) + subgroupShuffleXor(select(a.yw, a.xz, bit.y), 2u);
-    return select(b.x, b.y, bit.z) + subgroupShuffleXor(select(b.y, b.x, bit.z), 4u);
 }
 
 @compute @workgroup_size(8)
@@ -119,7 +111,7 @@ fn main(
             s${r*8+j} = exp(s${r*8+j} - vec4<f32>(subgroupShuffle(top, ${j}u)));
             let part$j = sum4(s${r*8+j});
 #end
-            l$r = l$r * fade + row_sum(vec4<f32>(part0, part2, part4, part6), vec4<f32>(part1, part3, part5, part7), lane);
+            l$r = l$r * fade + lib_row_sum(vec4<f32>(part0, part2, part4, part6), vec4<f32>(part1, part3, part5, part7), lane);
 #for j in 0..8
             {
                 let fade_j = subgroupShuffle(fade, ${j}u);

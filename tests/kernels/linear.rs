@@ -29,6 +29,9 @@ const SHAPES: &[(u32, u32, u32)] = &[
     (130, 96, 520),
     (64, 8, 1028),
     (70, 68, 2052),
+    (37, 2, 32),
+    (9, 3, 4),
+    (70, 7, 100),
 ];
 
 fn case(gpu: &Gpu, shape: (u32, u32, u32), storage: WeightType, act: Activation, full: bool) -> (Vec<f32>, Vec<f32>) {
@@ -175,14 +178,19 @@ fn the_variant_follows_from_facts() {
         (omnix_kernels::Caps::lavapipe(), ["software", "software_w16", "software_w8"]),
         (omnix_kernels::Caps::lavapipe().with_vector_registers(16), ["windows", "windows_w16", "windows_w8"]),
     ];
-    for (caps, wanted) in facts {
-        let storages = [WeightType::F32, WeightType::F16, WeightType::I8];
-        let chosen = storages.map(|storage| {
-            let weights = PackedWeights { k: 8, n: 8, storage };
+    let chosen = |caps: &omnix_kernels::Caps, n: u32| {
+        [WeightType::F32, WeightType::F16, WeightType::I8].map(|storage| {
+            let weights = PackedWeights { k: 8, n, storage };
             let spec = Linear { m: 3, weights, act: Activation::None, bias: false, gamma: false, residual: false };
-            spec.record(&caps).expect("records")[0].shader.variant
-        });
-        assert_eq!(chosen, wanted, "{caps:?}");
+            spec.record(caps).expect("records")[0].shader.variant
+        })
+    };
+    for (caps, wanted) in facts {
+        assert_eq!(chosen(&caps, 12), wanted, "{caps:?}");
+    }
+    let lavapipe = omnix_kernels::Caps::lavapipe();
+    for caps in [lavapipe.clone(), lavapipe.with_vector_registers(16)] {
+        assert_eq!(chosen(&caps, 7), ["narrow", "narrow_w16", "narrow_w8"]);
     }
 }
 

@@ -68,6 +68,9 @@ const HAS_RESIDUAL: u32 = 4;
 const GO_ON: u32 = 8;
 const PARTIAL: u32 = 16;
 
+/// Columns up to which software devices compute four at a time: beyond, 32 at a time are less work.
+const NARROW: u32 = 8;
+
 /// What of y, and of the sums over k, one dispatch computes.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
@@ -85,7 +88,9 @@ struct Piece {
 enum Form {
     /// So many rows x 32 columns a workgroup.
     Software(u64),
-    /// The same, weights through uniform windows.
+    /// So many rows x 4 columns a workgroup.
+    Narrow(u64),
+    /// As `Software`, weights through uniform windows.
     Windows(u64),
     /// 64 x 64 a workgroup.
     Gpu,
@@ -122,7 +127,11 @@ impl Linear {
     fn columns(&self, row0: u64, m: u64, caps: &Caps, out: &mut Vec<Dispatch>) {
         let w = &self.weights;
         let fours = w.k.is_multiple_of(4) && w.n.is_multiple_of(4);
+        let narrow = w.k.is_multiple_of(4) && w.n <= NARROW;
         let (shader, form) = match (caps.tier, w.storage) {
+            (Tier::Software, WeightType::F32) if narrow => (&shaders::NARROW, Form::Narrow(16)),
+            (Tier::Software, WeightType::F16) if narrow => (&shaders::NARROW_W16, Form::Narrow(16)),
+            (Tier::Software, WeightType::I8) if narrow => (&shaders::NARROW_W8, Form::Narrow(16)),
             // Rows of a tile: TM of linear.toml.
             (Tier::Software, storage) if fours && caps.weight_windows() => {
                 let shader = match storage {
@@ -176,6 +185,7 @@ impl Linear {
                 let tiles = m.div_ceil(rows);
                 (tiles * columns, self.weights.row_group(tiles, rows * u64::from(k) * 4))
             }
+            Form::Narrow(rows) => (m.div_ceil(rows) * u64::from(n).div_ceil(4), 0),
             Form::Gpu => (m.div_ceil(64) * columns.div_ceil(2), 0),
             // 64 tiles of 4 x 4 a workgroup.
             Form::Baseline => ((m.div_ceil(4) * columns * 8).div_ceil(64), 0),
