@@ -75,7 +75,13 @@ fn main(
     if (n4 * 4u < p.co && (p.flags & HAS_BIAS) != 0u) {
         added = lib_quad(bias[n4]);
     }
+    // A loop whose end the driver's compiler cannot see: unrolled, this code is larger than a first cache and runs once.
+    var sums: array<vec4<f32>, $TM>;
 #for i in 0..$TM
-    finish(c$i, pixel + (${i}u ^ lane), n4, added);
+    sums[$i] = c$i;
 #end
+    let end = min(p.pixels - pixel + 7u, ${TM}u) / 8u * 8u;
+    for (var i = 0u; i < end; i++) {
+        finish(sums[i], pixel + (i ^ lane), n4, added);
+    }
 }

@@ -92,7 +92,13 @@ fn main(
             scaled = lib_quad(gamma[n4]);
         }
     }
+    // A loop whose end the driver's compiler cannot see: unrolled, this code is larger than a first cache and runs once.
+    var sums: array<vec4<f32>, $TM>;
 #for i in 0..$TM
-    finish(c$i, row0 + (${i}u ^ lane), n4, added, scaled);
+    sums[$i] = c$i;
 #end
+    let end = min(p.m - row0 + 7u, ${TM}u) / 8u * 8u;
+    for (var i = 0u; i < end; i++) {
+        finish(sums[i], row0 + (i ^ lane), n4, added, scaled);
+    }
 }

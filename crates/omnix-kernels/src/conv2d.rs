@@ -121,7 +121,7 @@ const HAS_RESIDUAL: u32 = 2;
 const HAS_RESIDUAL2: u32 = 4;
 
 /// Output pixels a workgroup of the software variant owns (`TM` in the sidecar file).
-const SOFTWARE_PIXELS: u64 = 32;
+const SOFTWARE_PIXELS: u64 = 40;
 
 /// Whole frames, or a band of output rows of one.
 struct Piece {
