@@ -3,9 +3,9 @@
 //   y[f, oy, ox, c] = sum_{taps} wy wx x[f, iy, ix, c] + code[ox, c]                  for c < C / 2
 //                                                      + code[wo + oy, c - C / 2]     for the others
 //
-// x [f, hi, wi, C], y [f, ho, wo, C], code [wo + ho, C / 2] (spec/da3.md 6.1), rows counted over the whole map. The source coordinate of output o is the rational
-// (o a + b) / d (a, b, d an axis' own), split into cell and fraction in integers: no rounding error grows
-// with o. The host passes b + d, so that the numerator is never negative.
+// x [f, hi, wi, C], y [f, ho, wo, C], code [wo + ho, C / 2] (spec/da3.md 6.1), rows counted over the whole map. The
+// source coordinate of output o is the rational (o a + b) / d (a, b, d an axis' own), split into cell and fraction in
+// integers: no rounding error grows with o. The host passes b + d, so that the numerator is never negative.
 
 struct Params {
     // Output pixels of this dispatch, in one frame of it, and columns.

@@ -1,8 +1,8 @@
 //! `y[m, n] = residual + gamma[n] · act(Σ_k x[m, k] W[k, n] + bias[n])`: every linear layer, every 1×1
 //! convolution (rows are pixels) and, by way of `depth_to_space`, transposed convolutions.
 //!
-//! W is packed ([`PackedWeights`]); int8 columns are scaled after their sum. Sums run over k in order in every variant and whatever the rows or
-//! columns of a dispatch, so splitting changes no bit.
+//! W is packed ([`PackedWeights`]); int8 columns are scaled after their sum. Sums run over k in order whatever the rows or
+//! columns of a dispatch, in the tile of few columns as eight sums that are added in one order, so splitting changes no bit.
 
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, linear as shaders};

@@ -108,9 +108,9 @@ impl Winograd {
         (faster && this.possible(caps)).then_some(this)
     }
 
-    /// Whether the kernels compute this: f32 weights, since transformed ones need more digits than f16 has; input
-    /// channels in eights, output channels in fours; no activation but ReLU, since all of them would be computed to choose one; a frame, the weights and the scratch
-    /// within the device's binding limit.
+    /// Whether the kernels compute this: f32 weights, since transformed ones need more digits than f16 has; input channels in
+    /// eights, output channels in fours; no activation but ReLU, since all of them would be computed to choose one; a frame, the
+    /// weights and the scratch within the device's binding limit.
     fn possible(&self, caps: &Caps) -> bool {
         let Conv2d { kernel, stride, hi, wi, ci, weights, .. } = self.conv;
         let [ho, wo] = self.conv.output().map(u64::from);
