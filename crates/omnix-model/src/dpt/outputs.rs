@@ -1,6 +1,6 @@
 //! The two ends of the head (`spec/da3.md` section 6, steps 4 and 5; clamps: `spec/omnix.md` 4.1).
 
-use omnix_graph::op::{Corners, Filter, Unary};
+use omnix_graph::op::Unary;
 use omnix_graph::{Graph, GraphError, Value};
 
 use super::{Head, uv};
@@ -19,8 +19,7 @@ impl Head {
         let (at, half, [height, width]) = (self.at.pp("scratch"), self.features / 2, self.picture());
         let neck = conv3(g, &at.pp("output_conv1"), fused, half, 1)?;
         g.name(neck, "head.neck");
-        let code = uv::table(g, (height, width), half, self.picture());
-        let x = g.resize_coded(neck, [height, width], Filter::Bilinear, Corners::Align, Some(code))?;
+        let x = uv::coded(g, neck, (height, width), self.picture())?;
         g.name(x, "head.main.in");
         let x = conv3(g, &at.pp("output_conv2.0"), x, hidden, 1)?;
         Ok(relu(g, x))
@@ -48,8 +47,7 @@ impl Head {
             x = conv3(g, &at.pp("output_conv1_aux.3").pp(i), x, out, 1)?;
         }
         g.name(x, "head.neck_aux");
-        let code = uv::map(g, self.fine(), features / 2, self.picture())?;
-        let x = g.add_values(x, code)?;
+        let x = uv::coded(g, x, self.fine(), self.picture())?;
         g.name(x, "head.aux.in");
         let x = conv3(g, &at.pp("output_conv2_aux.3.0"), x, HIDDEN, 1)?;
         // One instance shared by the four levels; files hold it under level 0.

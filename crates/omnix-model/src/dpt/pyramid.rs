@@ -36,7 +36,6 @@ impl Head {
         let map = pointwise_conv(g, &self.at.pp("projects").pp(k), normed, c)?;
         g.name(map, &format!("head.proj{k}"));
         let map = g.reshape(map, [self.frames, rows, columns, c])?;
-        let code = uv::map(g, self.grid, c, self.picture())?;
-        g.add_values(map, code)
+        uv::coded(g, map, self.grid, self.picture())
     }
 }

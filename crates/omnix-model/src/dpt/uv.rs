@@ -1,30 +1,25 @@
 //! The UV code added to maps (`spec/da3.md` 6.1).
 //!
-//! Half of its channels depend on the column alone and half on the row, so a narrow table is stored: at full picture size the whole code
-//! of a large network would take 70 MB. A resize adds it as it is ([`table`]); elsewhere it is spread over the map on the device
-//! ([`map`]).
+//! Half of its channels depend on the column alone and half on the row, so a table of columns and rows is stored, and a resize adds
+//! it: at full picture size the whole code of a large network would take 70 MB.
 
 use omnix_geometry::codes::{Layout, uv_code};
-use omnix_graph::build::Piece;
+use omnix_graph::op::{Corners, Filter};
 use omnix_graph::{Graph, GraphError, Value};
 
-/// The code of a map as `Graph::resize_coded` takes it, `[w + h, c/2]`: of each column, then of each row.
-pub(super) fn table(g: &mut Graph, (h, w): (usize, usize), c: usize, picture: [usize; 2]) -> Value {
-    let half = c / 2;
-    let mut table = halves(&uv_code(c, 1, w, picture, Layout::ChannelsLast), c, 0);
-    table.extend(halves(&uv_code(c, h, 1, picture, Layout::ChannelsLast), c, half));
-    g.constant("uv.table", [w + h, half], table)
+/// The map x at this height and width, which may be its own, plus the code of its channels, gain included, for a picture of this height
+/// and width.
+pub(super) fn coded(g: &mut Graph, x: Value, (h, w): (usize, usize), picture: [usize; 2]) -> Result<Value, GraphError> {
+    let c = g.shape(x).width();
+    let code = g.constant("uv", [w + h, c / 2], table((h, w), c, picture));
+    g.resize_coded(x, [h, w], Filter::Bilinear, Corners::Align, Some(code))
 }
 
-/// The code `[h, w, c]` of a map, gain included, for a picture of this height and width.
-pub(super) fn map(g: &mut Graph, (h, w): (usize, usize), c: usize, picture: [usize; 2]) -> Result<Value, GraphError> {
-    let half = c / 2;
-    let (value, dims) = (table(g, (h, w), c, picture), vec![h, w, half]);
-    let pieces = [
-        Piece { value, dims: dims.clone(), start: 0, strides: vec![0, half, 1], at: vec![0, 0, 0] },
-        Piece { value, dims, start: w * half, strides: vec![half, 0, 1], at: vec![0, 0, half] },
-    ];
-    g.assemble([h, w, c], &pieces)
+/// `[w + h, c/2]`: the code of each column, then of each row.
+fn table((h, w): (usize, usize), c: usize, picture: [usize; 2]) -> Vec<f32> {
+    let mut table = halves(&uv_code(c, 1, w, picture, Layout::ChannelsLast), c, 0);
+    table.extend(halves(&uv_code(c, h, 1, picture, Layout::ChannelsLast), c, c / 2));
+    table
 }
 
 /// Channels `first..first + c/2` of every pixel.
@@ -37,11 +32,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_map_is_its_columns_and_rows() {
+    fn the_table_has_the_columns_and_rows_of_a_map() {
         let (h, w, c, picture) = (3, 5, 8, [42, 70]);
         let whole = uv_code(c, h, w, picture, Layout::ChannelsLast);
-        let columns = halves(&uv_code(c, 1, w, picture, Layout::ChannelsLast), c, 0);
-        let rows = halves(&uv_code(c, h, 1, picture, Layout::ChannelsLast), c, c / 2);
+        let table = table((h, w), c, picture);
+        let (columns, rows) = table.split_at(w * c / 2);
         for i in 0..h {
             for j in 0..w {
                 let pixel = &whole[(i * w + j) * c..][..c];
