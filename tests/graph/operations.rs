@@ -1,6 +1,6 @@
 //! Operations that are made of others, shape errors, indices, timing.
 
-use omnix_graph::op::ReduceOp;
+use omnix_graph::op::{Corners, Filter, ReduceOp};
 use omnix_graph::profile::{profile, write_chrome_trace};
 use omnix_graph::{Graph, PlanOptions};
 use omnix_tests::{Rng, assert_close, gpu, tiers};
@@ -38,6 +38,29 @@ fn a_transposed_convolution_spreads_each_pixel() {
             assert_close(&format!("k {k}, {}", gpu.caps.tier), &run(&gpu, &g, &PlanOptions::default()), &want, 2e-6);
         }
     }
+}
+
+#[test]
+fn a_code_goes_to_columns_in_half_of_the_channels_and_to_rows_in_the_other() {
+    let (frames, h, w, c) = (2, 5, 7, 16);
+    let mut g = Graph::new();
+    let x = g.input("x", [frames, h, w, c]);
+    let table = Rng::new(2).normal((w + h) * c / 2);
+    let code = g.constant("code", [w + h, c / 2], table.clone());
+    // At its own size a map keeps its numbers.
+    let y = g.resize_coded(x, [h, w], Filter::Bilinear, Corners::Align, Some(code)).expect("coded");
+    g.output(y, "y");
+    let input = Rng::new(1).normal(frames * h * w * c);
+    let line = |pixel: usize, i: usize| if i < c / 2 { pixel % w } else { w + pixel / w % h };
+    let want: Vec<f32> =
+        (0..input.len()).map(|at| input[at] + table[line(at / c, at % c) * (c / 2) + at % c % (c / 2)]).collect();
+    for gpu in tiers() {
+        assert_close(&format!("{}", gpu.caps.tier), &run(&gpu, &g, &PlanOptions::default()), &want, 1e-7);
+    }
+    let error =
+        g.resize_coded(x, [h, w + 1], Filter::Bilinear, Corners::Align, Some(code)).expect_err("too few columns");
+    let error = error.to_string();
+    assert!(error.contains("resize") && error.contains("code") && error.contains("[13, 8]"), "{error}");
 }
 
 #[test]

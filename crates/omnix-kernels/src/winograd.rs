@@ -261,7 +261,7 @@ mod tests {
         w[4] = 1.0;
         let g = [0.0, -0.75 / 1.898_437_5, 0.75 / 1.898_437_5, 1.5 / 7.593_75, -1.5 / 7.593_75, 0.0];
         for (place, got) in transform(w).into_iter().enumerate() {
-            assert!((f64::from(got) - g[place / 6] * g[place % 6]).abs() < 1e-7, "{place}: {got}");
+            assert!((f64::from(got) - g[place / 6] * g[place % 6]).abs() < 1e-8, "{place}: {got}");
         }
     }
 }
