@@ -7,3 +7,4 @@ mod memory;
 mod motion;
 mod operations;
 mod support;
+mod upload;

@@ -17,7 +17,8 @@ fn a_transposed_convolution_spreads_each_pixel() {
         let (weight, bias) = (g.parameter("w", [c, out, k, k]), g.parameter("b", [out]));
         let y = g.conv_transpose2d(x, weight, Some(bias)).expect("records");
         g.output(y, "y");
-        let (weight, bias) = (Seeded(&g).read("w").expect("w"), Seeded(&g).read("b").expect("b"));
+        let seeded = Seeded(&g);
+        let (weight, bias) = (seeded.read("w").expect("w"), seeded.read("b").expect("b"));
         let input = Rng::new(1).normal(frames * h * w * c);
         let mut want = vec![0.0f32; frames * h * k * w * k * out];
         for f in 0..frames {

@@ -1,5 +1,6 @@
 //! Small graphs with seeded parameters.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use omnix_graph::exec::Bindings;
@@ -11,7 +12,7 @@ use omnix_tests::Rng;
 pub(crate) struct Seeded<'a>(pub(crate) &'a Graph);
 
 impl ParameterSource for Seeded<'_> {
-    fn read(&self, name: &str) -> Result<Vec<f32>, Box<dyn std::error::Error + Send + Sync>> {
+    fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>> {
         let value = self.0.find(name).ok_or_else(|| format!("no parameter {name}"))?;
         let shape = match &self.0.info(value).source {
             omnix_graph::graph::Source::Parameter(p) => p.full.clone(),

@@ -54,7 +54,7 @@ fn both(graph: &Graph, config: &NetworkConfig, inputs: &[(String, Vec<f32>)]) ->
     inputs.iter().for_each(|(name, data)| device.write(name, data).unwrap());
     device.run(&mut |_, _| ControlFlow::Continue(())).unwrap();
     let given: Vec<(&str, &[f32])> = inputs.iter().map(|(n, d)| (n.as_str(), d.as_slice())).collect();
-    let run = interpret::run(graph, &given, &|name| weights.read(name).unwrap());
+    let run = interpret::run(graph, &given, &|name| weights.read(name).unwrap().into_owned());
     let outputs = graph.outputs().iter().map(|v| {
         let name = graph.value_name(*v).to_owned();
         let (got, want) = (device.read(&name).unwrap(), run.get(*v));

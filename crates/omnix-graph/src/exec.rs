@@ -4,6 +4,7 @@ use std::ops::{ControlFlow, Range};
 
 use omnix_kernels::dispatch::round_up;
 use omnix_kernels::{BufferSlice, Dispatch, Gpu, Program, run};
+use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use crate::error::GraphError;
@@ -219,10 +220,17 @@ impl Executable {
 
 /// Buffers of the arena, of inputs and outputs, and of constants.
 fn allocate(gpu: &Gpu, plan: &Plan, bindings: &Bindings) -> Result<Vec<Option<BufferSlice>>, GraphError> {
-    let mut arena = Vec::with_capacity(plan.memory.arena.len());
-    for bytes in &plan.memory.arena {
-        arena.push(BufferSlice::from(gpu.buffer("intermediates", *bytes, USAGE)?));
-    }
+    // Buffers begin as zeros. The driver of a software device would fill them at first use, on one processor.
+    let intermediate = |bytes: &u64| {
+        if !gpu.maps_buffers() {
+            return gpu.buffer("intermediates", *bytes, USAGE);
+        }
+        let buffer = gpu.buffer_mapped("intermediates", *bytes, USAGE)?;
+        buffer.unmap();
+        Ok(buffer)
+    };
+    let arena = plan.memory.arena.par_iter().map(intermediate).collect::<Result<Vec<_>, _>>()?;
+    let arena: Vec<BufferSlice> = arena.into_iter().map(BufferSlice::from).collect();
     let mut buffers = vec![None; plan.memory.places.len()];
     for (value, info) in plan.graph.values() {
         let root = value.0 as usize;

@@ -22,6 +22,7 @@ pub mod profile;
 mod record;
 pub mod rows;
 pub mod schedule;
+mod upload;
 pub mod weights;
 pub mod work;
 

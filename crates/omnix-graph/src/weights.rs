@@ -1,8 +1,8 @@
 //! Parameters on the device: read once from the checkpoint, packed as their readers want them, in few buffers.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
-use omnix_kernels::caps::UNIFORM_WINDOW;
 use omnix_kernels::dispatch::round_up;
 use omnix_kernels::winograd::transform;
 use omnix_kernels::{BufferSlice, Gpu, WeightType};
@@ -12,14 +12,20 @@ use crate::error::GraphError;
 use crate::graph::Parameter;
 use crate::op::WeightForm;
 use crate::plan::packed_shape;
+use crate::upload::upload;
 
-/// Where parameters come from.
-pub trait ParameterSource {
+/// Where parameters come from; several are read at a time.
+pub trait ParameterSource: Sync {
     /// All numbers of the tensor `name`, row-major.
     ///
     /// # Errors
     /// Whatever keeps it from being read: missing, damaged, not finite.
-    fn read(&self, name: &str) -> Result<Vec<f32>, Box<dyn std::error::Error + Send + Sync>>;
+    fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>>;
+
+    /// Hears that what was read of `name` is no longer needed.
+    fn release(&self, name: &str) {
+        let _ = name;
+    }
 }
 
 /// How a parameter lies on the device.
@@ -60,7 +66,7 @@ impl WeightKey {
     }
 
     /// The stored bytes, from all numbers of the checkpoint's tensor.
-    fn pack(&self, all: &[f32]) -> Vec<u8> {
+    pub(crate) fn pack(&self, all: &[f32]) -> Vec<u8> {
         let (dims, data) = (self.parameter.shape(), self.parameter.block(all));
         let row: usize = dims.get(1..).map_or(1, |rest| rest.iter().product());
         match self.packing {
@@ -98,13 +104,8 @@ pub struct WeightStore {
     bytes: u64,
 }
 
-/// Weights are put into buffers of about this size.
-const PAGE: u64 = 256 << 20;
-/// Uploads are submitted and waited for in pieces of this size, so that staging memory stays small.
-const FLUSH: u64 = 32 << 20;
-
 impl WeightStore {
-    /// Reads, packs and uploads `keys`; `progress` hears bytes done and in all, and may break off.
+    /// Reads, packs and uploads `keys`, several side by side; `progress` hears bytes done and in all, and may break off.
     ///
     /// # Errors
     /// When a tensor cannot be read, memory runs out, or `progress` broke off ([`GraphError::Interrupted`]).
@@ -114,44 +115,21 @@ impl WeightStore {
         keys: &[WeightKey],
         progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
     ) -> Result<Self, GraphError> {
-        let mut distinct: Vec<&WeightKey> = Vec::new();
         let mut seen = rustc_hash::FxHashSet::default();
-        distinct.extend(keys.iter().filter(|k| seen.insert(*k)));
+        let distinct: Vec<&WeightKey> = keys.iter().filter(|k| seen.insert(*k)).collect();
         let total = distinct.iter().map(|k| k.bytes()).sum();
-        let mut store = Self { slices: FxHashMap::default(), bytes: 0 };
-        let (mut done, mut unflushed) = (0, 0);
-        let mut rest = distinct.as_slice();
-        while !rest.is_empty() {
-            let tail = if gpu.caps.weight_windows() { UNIFORM_WINDOW } else { 0 };
-            let (count, bytes) = page(rest, gpu.caps.max_buffer.min(PAGE) - tail);
-            let windows = if tail > 0 { wgpu::BufferUsages::UNIFORM } else { wgpu::BufferUsages::empty() };
-            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | windows;
-            let buffer = gpu.buffer("weights", bytes + tail, usage)?;
-            store.bytes += buffer.size();
+        let (mut store, mut done) = (Self::default(), 0);
+        upload(gpu, source, &distinct, &mut |keys, buffer| {
             let mut offset = 0;
-            for key in &rest[..count] {
-                let read = source.read(&key.parameter.name);
-                let numbers =
-                    read.map_err(|source| GraphError::Parameter { name: key.parameter.name.to_string(), source })?;
-                let packed = key.pack(&numbers);
-                gpu.queue.write_buffer(&buffer, offset, &packed);
-                store.slices.insert((*key).clone(), BufferSlice { buffer: buffer.clone(), offset, size: key.bytes() });
-                offset += key.bytes();
-                done += key.bytes();
-                unflushed += key.bytes();
-                if unflushed >= FLUSH {
-                    gpu.queue.submit([]);
-                    gpu.wait()?;
-                    unflushed = 0;
-                }
-                if progress(done, total).is_break() {
-                    return Err(GraphError::Interrupted);
-                }
+            for key in keys {
+                let (key, buffer, size) = ((*key).clone(), buffer.clone(), key.bytes());
+                store.slices.insert(key, BufferSlice { buffer, offset, size });
+                offset += size;
             }
-            rest = &rest[count..];
-        }
-        gpu.queue.submit([]);
-        gpu.wait()?;
+            store.bytes += buffer.size();
+            done += offset;
+            progress(done, total)
+        })?;
         Ok(store)
     }
 
@@ -164,15 +142,4 @@ impl WeightStore {
     pub(crate) fn get(&self, key: &WeightKey) -> Option<&BufferSlice> {
         self.slices.get(key)
     }
-}
-
-/// How many of `keys` go into the next buffer, and their bytes.
-fn page(keys: &[&WeightKey], limit: u64) -> (usize, u64) {
-    let mut bytes = keys[0].bytes();
-    let mut count = 1;
-    while count < keys.len() && bytes + keys[count].bytes() <= limit {
-        bytes += keys[count].bytes();
-        count += 1;
-    }
-    (count, bytes)
 }

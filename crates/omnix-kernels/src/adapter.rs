@@ -6,7 +6,8 @@
 use crate::KernelError;
 use crate::caps::Cooperative;
 
-/// Features the kernels use where an adapter has them; none is required.
+/// Features the kernels use where an adapter has them; none is required. On a software device
+/// [`wgpu::Features::MAPPABLE_PRIMARY_BUFFERS`] is of use too: weights are then written where shaders read them.
 #[must_use]
 pub fn wanted_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP
@@ -144,9 +145,14 @@ fn request(
     features: wgpu::Features,
     experimental_features: wgpu::ExperimentalFeatures,
 ) -> Result<(wgpu::Device, wgpu::Queue), KernelError> {
+    let in_place = match adapter.get_info().device_type {
+        // Weights are written where shaders read them. On a GPU the feature costs speed, and wgpu warns of it.
+        wgpu::DeviceType::Cpu => wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
+        _ => wgpu::Features::empty(),
+    };
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("omnix"),
-        required_features: adapter.features() & features,
+        required_features: adapter.features() & (features | in_place),
         required_limits: adapter.limits(),
         experimental_features,
         memory_hints: wgpu::MemoryHints::MemoryUsage,

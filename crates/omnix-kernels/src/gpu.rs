@@ -110,13 +110,41 @@ impl Gpu {
     /// # Errors
     /// [`KernelError::OutOfMemory`] with `what` and the size.
     pub fn buffer(&self, what: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, KernelError> {
-        let refused = || KernelError::OutOfMemory { what: what.to_owned(), bytes };
-        if bytes > self.device.limits().max_buffer_size {
+        self.create(&wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false })
+    }
+
+    /// Whether [`Gpu::buffer_mapped`] is to be had and of use: the shaders run on the processor, in its memory, and the
+    /// device was opened with [`wgpu::Features::MAPPABLE_PRIMARY_BUFFERS`].
+    #[must_use]
+    pub fn maps_buffers(&self) -> bool {
+        self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
+            && self.device.features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS)
+    }
+
+    /// As [`Gpu::buffer`], full of zeros and mapped for writing, whatever its usage.
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`].
+    pub fn buffer_mapped(
+        &self,
+        what: &str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, KernelError> {
+        let usage = usage | wgpu::BufferUsages::MAP_WRITE;
+        self.create(&wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: true })
+    }
+
+    fn create(&self, descriptor: &wgpu::BufferDescriptor<'_>) -> Result<wgpu::Buffer, KernelError> {
+        let refused = || {
+            let what = descriptor.label.unwrap_or_default().to_owned();
+            KernelError::OutOfMemory { what, bytes: descriptor.size }
+        };
+        if descriptor.size > self.device.limits().max_buffer_size {
             return Err(refused());
         }
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let descriptor = wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
-        let buffer = self.device.create_buffer(&descriptor);
+        let buffer = self.device.create_buffer(descriptor);
         match pollster::block_on(scope.pop()) {
             Some(_) => Err(refused()),
             None => Ok(buffer),

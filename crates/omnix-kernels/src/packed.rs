@@ -103,30 +103,34 @@ impl PackedWeights {
     /// bytes.
     #[must_use]
     pub fn pack(&self, weight: impl Fn(usize, usize) -> f32 + Sync) -> Vec<u8> {
-        let (k_packed, k, n) = (self.k_packed() as usize, self.k as usize, self.n as usize);
+        let (k, n) = (self.k as usize, self.n as usize);
         let mut out = vec![0u8; self.bytes() as usize];
-        let at = |row: usize, column: usize| if row < k && column < n { weight(row, column) } else { 0.0 };
         let (blocks, tail) = out.split_at_mut(self.scales().0 as usize);
         let blocks = blocks.par_chunks_mut(self.block_bytes() as usize).take(self.blocks() as usize).enumerate();
+        // Rows and columns that only fill up stay 0.
+        let columns = |block: usize| (n - block * 32).min(32);
         match self.storage {
             WeightType::F32 => blocks.for_each(|(block, out)| {
-                let out = out.as_chunks_mut().0;
-                tiled(k_packed, |row, column| out[row * 32 + column] = at(row, block * 32 + column).to_le_bytes());
+                let rows = out.as_chunks_mut::<4>().0.as_chunks_mut::<32>().0;
+                tiled(k, columns(block), |row, column| {
+                    rows[row][column] = weight(row, block * 32 + column).to_le_bytes();
+                });
             }),
             WeightType::F16 => blocks.for_each(|(block, out)| {
-                let out = out.as_chunks_mut().0;
-                tiled(k_packed, |row, column| {
-                    let value = f16::from_f32(at(row, block * 32 + column));
-                    out[(row / 2 * 32 + column) * 2 + row % 2] = value.to_le_bytes();
+                let pairs = out.as_chunks_mut::<2>().0.as_chunks_mut::<2>().0.as_chunks_mut::<32>().0;
+                tiled(k, columns(block), |row, column| {
+                    let value = f16::from_f32(weight(row, block * 32 + column));
+                    pairs[row / 2][column][row % 2] = value.to_le_bytes();
                 });
             }),
             WeightType::I8 => blocks.zip(tail.par_chunks_mut(32 * 4)).for_each(|((block, out), scales)| {
-                for (column, to) in scales.as_chunks_mut().0.iter_mut().enumerate() {
-                    let largest = (0..k).fold(0.0f32, |most, row| most.max(at(row, block * 32 + column).abs()));
+                for (column, to) in scales.as_chunks_mut().0.iter_mut().enumerate().take(columns(block)) {
+                    let at = |row| weight(row, block * 32 + column);
+                    let largest = (0..k).fold(0.0f32, |most, row| most.max(at(row).abs()));
                     let scale = largest / 127.0;
                     for row in 0..k {
                         // A column of zeros has scale 0, and 0 / 0 becomes 0 as an integer.
-                        let q = (at(row, block * 32 + column) / scale).round() as i8;
+                        let q = (at(row) / scale).round() as i8;
                         out[(row / 4 * 32 + column) * 4 + row % 4] = q.to_le_bytes()[0];
                     }
                     *to = scale.to_le_bytes();
@@ -137,11 +141,11 @@ impl PackedWeights {
     }
 }
 
-/// Every row and the 32 columns of a block, 16 rows of a column at a time: checkpoints have a column's k side by side, and what
+/// Every row and column of a block, 16 rows of a column at a time: checkpoints have a column's k side by side, and what
 /// one line of the cache holds of it is used while it is there.
-fn tiled(rows: usize, mut each: impl FnMut(usize, usize)) {
+fn tiled(rows: usize, columns: usize, mut each: impl FnMut(usize, usize)) {
     for first in (0..rows).step_by(16) {
-        for column in 0..32 {
+        for column in 0..columns {
             for row in first..rows.min(first + 16) {
                 each(row, column);
             }

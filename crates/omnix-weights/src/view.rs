@@ -1,8 +1,9 @@
 //! A tensor inside a file, and its conversion to f32.
 //!
-//! Elements lie row-major and little endian. The data need not be aligned (a header may have any length), so bytes are
-//! never reinterpreted in place: conversion copies through small aligned buffers, which compilers vectorise.
+//! Elements lie row-major and little endian. The data need not be aligned (a header may have any length): where they are, f32
+//! is read in place; else conversion copies through small aligned buffers, which compilers vectorise.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::ops::Range;
 
@@ -86,6 +87,15 @@ impl<'a> TensorView<'a> {
         let pieces = self.bytes.par_chunks(PIECE * self.dtype.size());
         out.par_chunks_mut(PIECE).zip(pieces).for_each(|(out, bytes)| convert::to_f32(self.dtype, bytes, out));
         out
+    }
+
+    /// As [`TensorView::to_f32`]; what is f32 and aligned in the file already is not copied.
+    #[must_use]
+    pub fn as_f32(&self) -> Cow<'a, [f32]> {
+        match bytemuck::try_cast_slice(self.bytes) {
+            Ok(numbers) if self.dtype == Dtype::F32 && cfg!(target_endian = "little") => Cow::Borrowed(numbers),
+            _ => Cow::Owned(self.to_f32()),
+        }
     }
 
     /// Elements one by one as f32, without a buffer of the whole.

@@ -1,5 +1,6 @@
 //! Times of a whole network with seeded random weights: no checkpoint is needed to know how fast a device is.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use omnix_graph::exec::Bindings;
@@ -36,7 +37,7 @@ impl RandomWeights {
 }
 
 impl ParameterSource for RandomWeights {
-    fn read(&self, name: &str) -> Result<Vec<f32>, Box<dyn std::error::Error + Send + Sync>> {
+    fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>> {
         let shape = self.shapes.get(name).ok_or_else(|| format!("BUG: no weight `{name}`"))?;
         let inputs = shape.get(1..).map_or(1, |rest| rest.iter().product::<usize>());
         let (centre, width) = match shape.len() {

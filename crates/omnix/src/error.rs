@@ -65,13 +65,6 @@ pub enum OmnixError {
     Interrupted,
 }
 
-impl OmnixError {
-    /// A weight that cannot be read, by the error of this crate that it was where it was one.
-    pub(crate) fn parameter(name: &str, source: Box<dyn std::error::Error + Send + Sync>) -> Self {
-        omnix_graph::GraphError::Parameter { name: name.to_owned(), source }.into()
-    }
-}
-
 fn mib_up(bytes: u64) -> u64 {
     bytes.div_ceil(1 << 20)
 }

@@ -114,6 +114,17 @@ impl Weights {
         }
         Ok(())
     }
+
+    /// Looks at every number of one tensor, without keeping any.
+    ///
+    /// # Errors
+    /// When it is missing, or [`OmnixError::NonFinite`].
+    pub(crate) fn check_tensor(&self, name: &str) -> Result<(), OmnixError> {
+        let view = self.checkpoint.tensor(name)?;
+        let found = omnix_weights::find_non_finite(&view);
+        self.checkpoint.release(name);
+        finite(name, found)
+    }
 }
 
 /// Where the first number is that is none. Pieces are looked through without a branch, so that it is done many at a time.
@@ -128,12 +139,14 @@ fn finite(name: &str, found: Option<(usize, f32)>) -> Result<(), OmnixError> {
 }
 
 impl ParameterSource for Weights {
-    fn read(&self, name: &str) -> Result<Vec<f32>, Box<dyn std::error::Error + Send + Sync>> {
-        let view = self.checkpoint.tensor(name).map_err(OmnixError::from)?;
-        let numbers = view.to_f32();
-        self.checkpoint.release(name);
+    fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>> {
+        let numbers = self.checkpoint.tensor(name).map_err(OmnixError::from)?.as_f32();
         let bad = first_bad(&numbers).map(|i| (i, numbers[i]));
         finite(name, bad)?;
         Ok(numbers)
+    }
+
+    fn release(&self, name: &str) {
+        self.checkpoint.release(name);
     }
 }

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
+use omnix_graph::WeightStore;
 use omnix_graph::weights::WeightKey;
-use omnix_graph::{ParameterSource as _, WeightStore};
 use omnix_kernels::Gpu;
+use rayon::prelude::*;
 
 use super::Listener;
 use crate::error::OmnixError;
@@ -46,9 +47,7 @@ impl StageWeights {
         if stage.is_some() {
             let later = STAGES.iter().skip(1).flat_map(|stage| keys(plan, *stage));
             let names: BTreeSet<&str> = later.map(|key| &*key.parameter.name).collect();
-            for name in names {
-                weights.read(name).map_err(|source| OmnixError::parameter(name, source))?;
-            }
+            names.into_par_iter().try_for_each(|name| weights.check_tensor(name))?;
         }
         let store = load(gpu, weights, plan, stage, progress)?;
         Ok(Self { gpu: gpu.clone(), weights: weights.clone(), stage, store })
