@@ -2,7 +2,7 @@
 //
 // A workgroup is one subgroup of 8 lanes and owns $TM queries of one head, the last one of a dispatch what is
 // left; keys go by in blocks of 32. For the scores lane j owns keys 4j..4j+4 of the block, for the sums the
-// channels 4j..4j+4 of each 32, of queries and of sums alike. Both products are the same loop: eight vectors come in, and
+// channels 4j..4j+4 of each 32, with WIDE (W = 2 vectors a load) 8j..8j+8 of each 64, of queries and of sums alike. Both products are the same loop: eight vectors come in, and
 // queries, or weights, stay in registers and are spread by shuffles. A lane keeps the maximum and the sum of one row in 8.
 // k and v come through 64 KiB uniform windows, the only gather a software rasteriser does without branches. No workgroup memory,
 // no barrier.
@@ -10,11 +10,12 @@
 #import grid
 #import quad
 #import row_sum
+#import value
 
-@group(0) @binding(1) var<storage, read> q: array<Quad>;
+@group(0) @binding(1) var<storage, read> q: array<Stored>;
 @group(0) @binding(2) var<uniform> k: array<Quad, 4096>;
 @group(0) @binding(3) var<uniform> v: array<Quad, 4096>;
-@group(0) @binding(4) var<storage, read_write> out: array<Quad>;
+@group(0) @binding(4) var<storage, read_write> out: array<Stored>;
 @group(0) @binding(5) var<storage, read_write> state: array<vec2<f32>>;
 
 fn top4(v: vec4<f32>) -> f32 {
@@ -49,15 +50,22 @@ fn main(
         return;
     }
     let row = row_of(i, query);
-    let d4 = p.head_dim / 4u;
+    let units = p.head_dim / ${W*4}u;
 #for r in 0..${TM/8}
     // Of row r * 8 + lane: the largest score and the sum of the weights.
     var m$r = NEVER;
     var l$r = 0.0;
 #end
 #for t in 0..$TM
-#for v in 0..${DP/32}
-    let q${t}_$v = lib_quad(q[(row + ${t}u) * ${DP/4}u + ${v*8}u + lane]);
+#for w in 0..${DP/32/W}
+    let wide${t}_$w = lib_value(q[(row + ${t}u) * ${DP/4/W}u + ${w*8}u + lane]);
+#for h in 0..$W
+#if WIDE
+    let q${t}_${w*W+h} = wide${t}_$w[$h];
+#else
+    let q${t}_${w*W+h} = wide${t}_$w;
+#endif
+#end
 #end
 #end
     // An array, so that loops fill and empty it: unrolled, that code is larger than a first cache and runs once.
@@ -70,15 +78,21 @@ fn main(
         l$r = before$r.y;
 #end
         for (var t = query; t < end; t++) {
-            let at = out_of(i, t) + lane;
-#for v in 0..${DP/32}
-            if (${v*8}u + lane < d4) {
-                o[(t - query) * ${DP/32}u + ${v}u] = lib_quad(out[at + ${v*8}u]);
+            let at = out_of(i, t) / ${W}u + lane;
+#for w in 0..${DP/32/W}
+            if (${w*8}u + lane < units) {
+                let before = lib_value(out[at + ${w*8}u]);
+#if WIDE
+                o[(t - query) * ${DP/32}u + ${w*2}u] = before[0];
+                o[(t - query) * ${DP/32}u + ${w*2+1}u] = before[1];
+#else
+                o[(t - query) * ${DP/32}u + ${w}u] = before;
+#endif
             }
 #end
         }
     }
-    let kv = i * p.kv_pad * ${DP/4}u + lane;
+    let kv = i * p.kv_pad * ${DP/4}u;
     for (var block = 0u; block < p.keys / 32u; block++) {
         let key = vec4<u32>(p.key0 + block * 32u + lane * 4u) + vec4<u32>(0u, 1u, 2u, 3u);
         // Scores of keys that are not there start, and so end, out of reach.
@@ -86,18 +100,20 @@ fn main(
 #for t in 0..$TM
         var s$t = absent;
 #end
-        var at = kv + block * ${DP*8}u;
+        var at = kv + block * ${DP*8}u + lane;
         for (var j = 0u; j < 8u; j++) {
-#for v in 0..${DP/32}
+#for w in 0..${DP/32/W}
+#for h in 0..$W
 #for c in 0..4
-            let k${c}_$v = lib_quad(k[at + ${v*256+c*8}u]);
+            let k${c}_${w*W+h} = lib_quad(k[at + ${w*W*256+h*32+c*8}u]);
 #end
 #for t in 0..$TM
-            s$t += (subgroupShuffle(q${t}_$v[0], j) * k0_$v + subgroupShuffle(q${t}_$v[1], j) * k1_$v)
-                + (subgroupShuffle(q${t}_$v[2], j) * k2_$v + subgroupShuffle(q${t}_$v[3], j) * k3_$v);
+            s$t += (subgroupShuffle(q${t}_${w*W+h}[0], j) * k0_${w*W+h} + subgroupShuffle(q${t}_${w*W+h}[1], j) * k1_${w*W+h})
+                + (subgroupShuffle(q${t}_${w*W+h}[2], j) * k2_${w*W+h} + subgroupShuffle(q${t}_${w*W+h}[3], j) * k3_${w*W+h});
 #end
 #end
-            at += 32u;
+#end
+            at += ${W*32}u;
         }
 #for r in 0..${TM/8}
         {
@@ -122,16 +138,18 @@ fn main(
 #end
         }
 #end
-        at = kv + block * ${DP*8}u;
+        at = kv + block * ${DP*8}u + lane * ${W}u;
         for (var j = 0u; j < 8u; j++) {
             // By 32 channels, then by rows: their 16 vectors of values stay in registers.
-#for v in 0..${DP/32}
+#for w in 0..${DP/32/W}
+#for h in 0..$W
 #for c in 0..4
-            let v${c}_$v = lib_quad(v[at + ${v*8+c*DP/4}u]);
+            let v${c}_${w*W+h} = lib_quad(v[at + ${w*W*8+h+c*DP/4}u]);
 #end
 #for t in 0..$TM
-            o[${t*DP/32+v}] += (subgroupShuffle(s$t[0], j) * v0_$v + subgroupShuffle(s$t[1], j) * v1_$v)
-                + (subgroupShuffle(s$t[2], j) * v2_$v + subgroupShuffle(s$t[3], j) * v3_$v);
+            o[${t*DP/32+w*W+h}] += (subgroupShuffle(s$t[0], j) * v0_${w*W+h} + subgroupShuffle(s$t[1], j) * v1_${w*W+h})
+                + (subgroupShuffle(s$t[2], j) * v2_${w*W+h} + subgroupShuffle(s$t[3], j) * v3_${w*W+h});
+#end
 #end
 #end
             at += ${DP}u;
@@ -149,10 +167,15 @@ fn main(
 #for r in 0..${TM/8}
         scale = select(scale, subgroupShuffle(scale$r, place % 8u), place / 8u == ${r}u);
 #end
-        let at = out_of(i, t) + lane;
-#for v in 0..${DP/32}
-        if (${v*8}u + lane < d4) {
-            out[at + ${v*8}u] = lib_to_quad(o[place * ${DP/32}u + ${v}u] * scale);
+        let at = out_of(i, t) / ${W}u + lane;
+#for w in 0..${DP/32/W}
+        if (${w*8}u + lane < units) {
+#if WIDE
+            let first = place * ${DP/32}u + ${w*2}u;
+            out[at + ${w*8}u] = lib_to_wide(o[first] * scale, o[first + 1u] * scale);
+#else
+            out[at + ${w*8}u] = lib_to_quad(o[place * ${DP/32}u + ${w}u] * scale);
+#endif
         }
 #end
     }
