@@ -36,6 +36,8 @@ fn every_variant_matches_the_oracle() {
         [6, 5, 9, 12, 13],
         [5, 4, 7, 9, 128],
         [2, 300, 2, 517, 4],
+        [7, 9, 11, 13, 16],
+        [5, 6, 9, 70, 32],
     ];
     for gpu in tiers() {
         for [hi, wi, ho, wo, c] in shapes {

@@ -289,9 +289,12 @@ impl Resize {
         let bilinear = self.filter == Filter::Bilinear;
         let walks = bilinear && caps.tier == Tier::Software;
         // A variant, and the channels that it takes at a time. A code changes in the middle of them.
-        let fours = self.c.is_multiple_of(if self.code { 8 } else { 4 });
+        let parts = if self.code { 2 } else { 1 };
+        let fours = self.c.is_multiple_of(4 * parts);
+        // Eights where they leave no lane idle.
+        let eights = self.c.is_multiple_of(64) || self.c.is_multiple_of(8 * parts) && self.c.is_power_of_two();
         let (shader, unit) = match (bilinear, fours) {
-            (true, _) if walks && self.c.is_multiple_of(64) => (&shaders::SOFTWARE8, 8),
+            (true, _) if walks && eights => (&shaders::SOFTWARE8, 8),
             (true, true) if walks => (&shaders::SOFTWARE, 4),
             (true, false) if walks => (&shaders::SOFTWARE1, 1),
             (true, true) => (&shaders::BILINEAR4, 4),
