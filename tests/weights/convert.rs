@@ -1,5 +1,7 @@
 //! Conversion of F32, F16, BF16 and F64, whole and in pieces, aligned and not.
 
+use std::borrow::Cow;
+
 use half::f16;
 use omnix_weights::{Dtype, TensorFile, TensorView, find_non_finite};
 
@@ -30,6 +32,8 @@ fn every_type_converts_exactly() {
             let view = file.tensor(name).unwrap();
             assert_eq!((view.shape, view.elements()), (&[n][..], n));
             assert_eq!(view.to_f32(), values, "{name} {n}");
+            assert_eq!(*view.as_f32(), values, "{name} {n}");
+            assert!(name == "f32" || matches!(view.as_f32(), Cow::Owned(_)), "{name} {n}");
             assert_eq!(view.f32_iter().collect::<Vec<_>>(), values, "{name} {n}");
             let mut halves = vec![f16::ZERO; n];
             view.read_f16_into(0..n, &mut halves).unwrap();
@@ -65,7 +69,12 @@ fn unaligned_data_converts() {
     for spaces in 0..8 {
         let header = format!(r#"{{"a":{{"dtype":"F32","shape":[100],"data_offsets":[0,400]}}}}{}"#, " ".repeat(spaces));
         let file = TensorFile::from_bytes(fixture::raw(&header, &data).into(), "unaligned").unwrap();
-        assert_eq!(file.tensor("a").unwrap().to_f32(), values);
+        let view = file.tensor("a").unwrap();
+        assert_eq!(view.to_f32(), values);
+        // Read where it lies, if it lies on a multiple of four bytes.
+        assert_eq!(*view.as_f32(), values);
+        let aligned = view.bytes.as_ptr().addr().is_multiple_of(4);
+        assert_eq!(matches!(view.as_f32(), Cow::Borrowed(_)), aligned, "{spaces} spaces");
     }
 }
 

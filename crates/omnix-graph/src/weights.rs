@@ -1,4 +1,4 @@
-//! Parameters on the device: read once from the checkpoint, packed as their readers want them, in few buffers.
+//! Parameters on the device: read once from the checkpoint, packed as their readers want them, in few buffers ([`crate::upload`]).
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -119,15 +119,13 @@ impl WeightStore {
         let distinct: Vec<&WeightKey> = keys.iter().filter(|k| seen.insert(*k)).collect();
         let total = distinct.iter().map(|k| k.bytes()).sum();
         let (mut store, mut done) = (Self::default(), 0);
-        upload(gpu, source, &distinct, &mut |keys, buffer| {
-            let mut offset = 0;
+        store.bytes = upload(gpu, source, &distinct, &mut |keys, buffer, mut offset| {
             for key in keys {
                 let (key, buffer, size) = ((*key).clone(), buffer.clone(), key.bytes());
                 store.slices.insert(key, BufferSlice { buffer, offset, size });
                 offset += size;
+                done += size;
             }
-            store.bytes += buffer.size();
-            done += offset;
             progress(done, total)
         })?;
         Ok(store)

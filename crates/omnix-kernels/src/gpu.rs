@@ -114,10 +114,12 @@ impl Gpu {
     }
 
     /// Whether [`Gpu::buffer_mapped`] is to be had and of use: the shaders run on the processor, in its memory, and the
-    /// device was opened with [`wgpu::Features::MAPPABLE_PRIMARY_BUFFERS`].
+    /// device was opened with [`wgpu::Features::MAPPABLE_PRIMARY_BUFFERS`]. Vulkan only: what DX12 maps for writing is slow to read.
     #[must_use]
     pub fn maps_buffers(&self) -> bool {
-        self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
+        let info = self.device.adapter_info();
+        info.device_type == wgpu::DeviceType::Cpu
+            && info.backend == wgpu::Backend::Vulkan
             && self.device.features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS)
     }
 
@@ -145,10 +147,28 @@ impl Gpu {
         }
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = self.device.create_buffer(descriptor);
-        match pollster::block_on(scope.pop()) {
-            Some(_) => Err(refused()),
-            None => Ok(buffer),
-        }
+        let error = pollster::block_on(scope.pop());
+        // A lost device gives a buffer that is none.
+        self.check_lost()?;
+        error.map_or(Ok(buffer), |_| Err(refused()))
+    }
+
+    /// Memory to write to, which is copied to `bytes` of `buffer` from `offset` on by the submission after it is dropped.
+    ///
+    /// # Errors
+    /// [`KernelError::OutOfMemory`].
+    pub fn staging(
+        &self,
+        buffer: &wgpu::Buffer,
+        offset: u64,
+        bytes: u64,
+    ) -> Result<wgpu::QueueWriteBufferView, KernelError> {
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let view = wgpu::BufferSize::new(bytes).and_then(|size| self.queue.write_buffer_with(buffer, offset, size));
+        let error = pollster::block_on(scope.pop());
+        self.check_lost()?;
+        view.filter(|_| error.is_none())
+            .ok_or_else(|| KernelError::OutOfMemory { what: "staging memory".to_owned(), bytes })
     }
 
     /// Makes the pipeline of `dispatch` before it is needed; whoever needs it meanwhile waits for this one. Threads may make

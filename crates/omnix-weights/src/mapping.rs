@@ -58,8 +58,9 @@ impl std::ops::Deref for Bytes {
 fn map_file(file: &File) -> std::io::Result<Mmap> {
     // SAFETY: the mapping is read-only and private to this process, and no reference into it outlives the `Mmap`. What
     // stays outside our control is another process that changes the file meanwhile: its bytes are only ever read as
-    // plain numbers through `u8` slices, whose length was fixed here, and nothing but a shrinking file (SIGBUS, which
-    // the documentation of `Checkpoint::open` states) can go wrong by that.
+    // plain numbers through `u8` and `f32` slices, for which any bytes are valid and whose length was fixed here, and nothing but a
+    // shrinking file (SIGBUS, which the documentation of `Checkpoint::open` states) can go wrong by that. Numbers are looked at
+    // before they are packed: a change between the two goes unnoticed.
     unsafe { Mmap::map(file) }
 }
 

@@ -61,11 +61,12 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     let since = Instant::now();
     stop::listen();
     let mut job = Job::new(&args.inputs, &args.run, ui)?;
-    // The manifest will name the weights' digest; while the driver starts, processors are idle.
+    // The manifest will name the weights' digest; while the driver starts, processors are idle. Without a thread it is taken then.
     let weights = job.weights.clone();
-    std::thread::spawn(move || {
+    let digest = move || {
         weights.checkpoint().digest();
-    });
+    };
+    let _ = std::thread::Builder::new().name("digest".to_owned()).spawn(digest);
     let engine = args.run.device.open()?;
     let info = engine.info();
     let cpu = engine.gpu().device.adapter_info().device_type == omnix::wgpu::DeviceType::Cpu;

@@ -47,7 +47,8 @@ impl StageWeights {
         if stage.is_some() {
             let later = STAGES.iter().skip(1).flat_map(|stage| keys(plan, *stage));
             let names: BTreeSet<&str> = later.map(|key| &*key.parameter.name).collect();
-            names.into_par_iter().try_for_each(|name| weights.check_tensor(name))?;
+            let bad = names.into_par_iter().find_map_first(|name| weights.check_tensor(name).err());
+            bad.map_or(Ok(()), Err)?;
         }
         let store = load(gpu, weights, plan, stage, progress)?;
         Ok(Self { gpu: gpu.clone(), weights: weights.clone(), stage, store })
