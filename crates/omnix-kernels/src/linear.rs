@@ -143,7 +143,7 @@ impl Linear {
             }
             (Tier::Software, WeightType::F32) if fours => (&shaders::SOFTWARE, Form::Software(40)),
             (Tier::Software, WeightType::F16) if fours => (&shaders::SOFTWARE_W16, Form::Software(40)),
-            (Tier::Software, WeightType::I8) if fours => (&shaders::SOFTWARE_W8, Form::Software(48)),
+            (Tier::Software, WeightType::I8) if fours => (&shaders::SOFTWARE_W8, Form::Software(40)),
             (Tier::Gpu, storage) if fours => (tile(storage, caps), Form::Gpu),
             (_, WeightType::F32) => (&shaders::BASELINE, Form::Baseline),
             (_, WeightType::F16) => (&shaders::BASELINE_W16, Form::Baseline),
