@@ -217,9 +217,9 @@ impl Gpu {
         // wgpu's counters, one in every turn of every loop, cost software devices 2 % of a network and copies a tenth.
         let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..wgpu::ShaderRuntimeChecks::checked() };
         #[expect(unsafe_code, reason = "wgpu's way to leave the counters out")]
-        // SAFETY: wgpu asks that no shader loops forever. They come from this workspace alone, and every loop in them counts up by
-        // a constant, or a parameter that is not 0, to a bound that its body leaves alone; the one `while` halves an interval
-        // (`field_scatter`). All other checks stay.
+        // SAFETY: wgpu asks that no shader loops forever. They come from this workspace alone, and every loop in them is a `for`
+        // (`cargo xtask tidy`) that counts up by a constant, or a parameter that is not 0, to a bound that its body leaves alone. All
+        // other checks stay.
         let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
         let entries: Vec<_> =
             shader.bindings.iter().enumerate().map(|(i, b)| layout_entry(i, b.access, shader)).collect();

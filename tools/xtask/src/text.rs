@@ -12,7 +12,10 @@ const MARKERS: [&str; 4] =
 /// Folders of one machine, which mean nothing on another.
 const MACHINE_PATHS: [&str; 2] = [concat!("/wo", "rk/"), concat!("/ro", "ot/")];
 
-/// Length and first line of each Rust and WGSL file, and leftovers in all files.
+/// Loops of WGSL whose end is not in their head. Shaders are made without wgpu's loop counters (`omnix-kernels`, `gpu.rs`).
+const ENDLESS: [&str; 2] = ["loop", "while"];
+
+/// Length and first line of each Rust and WGSL file, loops of WGSL, and leftovers in all files.
 pub fn check(tree: &Tree) -> Vec<Finding> {
     tree.files().flat_map(|(path, text)| check_file(path, text)).collect()
 }
@@ -37,6 +40,13 @@ fn check_file(path: &str, text: &str) -> Vec<Finding> {
     }
     for (number, line) in text.lines().enumerate() {
         let at = || format!("{path}:{}", number + 1);
+        let code = line.split("//").next().unwrap_or_default();
+        if path.ends_with(".wgsl")
+            && let Some(word) = ENDLESS.iter().find(|word| has_word(code, word))
+        {
+            let message = format!("`{word}`: loops are `for` and count to a bound, wgpu is not asked to end them");
+            findings.push(Finding::error(at(), message));
+        }
         // Prose may speak of the markers.
         if !path.ends_with(".md")
             && let Some(marker) = MARKERS.iter().find(|marker| has_word(line, marker))
@@ -99,6 +109,16 @@ mod tests {
         }
         assert_eq!(levels("a.toml", &format!("# {}S", MARKERS[0])), []);
         assert_eq!(levels("a.md", MARKERS[0]), []);
+    }
+
+    #[test]
+    fn loops_of_shaders_have_an_end() {
+        let file = |code: &str| format!("// x\n{code}\n");
+        assert_eq!(levels("a.wgsl", &file("    for (var i = 0u; i < n; i++) { // a loop")), []);
+        for code in ["    loop {", "    while (low < high) {"] {
+            assert_eq!(levels("a.wgsl", &file(code)), [Level::Error], "{code}");
+            assert_eq!(levels("a.rs", &format!("//! x\n{code}\n")), []);
+        }
     }
 
     #[test]
