@@ -78,9 +78,28 @@ fn a_run_takes_the_memory_that_its_plan_stated() {
     let Some(peak) = peak.or_else(|| (!cfg!(target_os = "linux")).then_some(planned as u64)) else {
         panic!("the manifest lacks the peak");
     };
-    // Within a tenth where the driver has its kernels compiled (BENCHMARKS.md); compiling them takes up to 150 MiB more.
+    // Within a tenth where the driver has its kernels compiled (BENCHMARKS.md); compiling them takes up to 150 MiB more, and 100 for
+    // each of up to two more processors that do.
     let ratio = peak as f64 / planned;
-    assert!((0.8..1.2 + 160e6 / planned).contains(&ratio), "{peak} of {planned}");
+    let processors = std::thread::available_parallelism().map_or(1, |n| n.get().min(3)) as f64;
+    assert!((0.8..1.2 + (60e6 + 100e6 * processors) / planned).contains(&ratio), "{peak} of {planned}");
+}
+
+#[test]
+fn a_driver_with_an_empty_cache_gives_the_same_pictures() {
+    let dir = tempfile::tempdir().unwrap();
+    let (photo, cache) = (dir.path().join("photo.jpg"), dir.path().join("cache"));
+    picture(&photo, 400, 240, 0);
+    fs::create_dir(&cache).unwrap();
+    // The first run compiles, on several devices; the second finds what it left.
+    let depth = |name: &str| {
+        let out = dir.path().join(name);
+        let mut command = program();
+        command.arg("reconstruct").arg(&photo).arg("--out").arg(&out).args(["--export", "depth"]);
+        crate::common::finish(command.env("MESA_SHADER_CACHE_DIR", &cache)).ok();
+        fs::read(out.join("depth/000000.png")).unwrap()
+    };
+    assert_eq!(depth("cold"), depth("warm"));
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod algorithm;
 mod chunks;
+mod compile;
 mod fusion;
 mod memory;
 mod motion;

@@ -1,4 +1,4 @@
-//! Parameters on the device: read once from the checkpoint, packed as their readers want them, in few buffers ([`crate::upload`]).
+//! Parameters on the device: read once from the checkpoint, packed as their readers want them, in few buffers.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;

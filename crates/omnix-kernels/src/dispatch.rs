@@ -53,7 +53,7 @@ pub struct Dispatch {
     pub params: SmallVec<[u8; 64]>,
     /// Bindings 1..n.
     pub windows: SmallVec<[Window; 8]>,
-    /// Workgroups in x, y, z; none is 0.
+    /// Workgroups in x, y, z; 0 only to have the driver compile ([`crate::compile`]).
     pub groups: [u32; 3],
 }
 

@@ -17,6 +17,8 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// Facts that decide the variants.
     pub caps: Caps,
+    /// Where the device is from, if that is known.
+    adapter: Option<wgpu::Adapter>,
     shared: Arc<Shared>,
 }
 
@@ -58,7 +60,20 @@ impl Gpu {
             mapped_at_creation: false,
         });
         let shared = Shared { pipelines: Mutex::default(), absent, lost };
-        Self { device: device.clone(), queue: queue.clone(), caps, shared: Arc::new(shared) }
+        Self { device: device.clone(), queue: queue.clone(), caps, adapter: None, shared: Arc::new(shared) }
+    }
+
+    /// The same device, known to be from `adapter`, so that [`Gpu::sibling`] can open others.
+    #[must_use]
+    pub fn from_adapter(self, adapter: &wgpu::Adapter) -> Self {
+        Self { adapter: Some(adapter.clone()), ..self }
+    }
+
+    /// Another device of the same adapter, with the same facts and no pipelines yet; none where the adapter is not known or refuses.
+    #[must_use]
+    pub fn sibling(&self) -> Option<Self> {
+        let (device, queue) = crate::adapter::open(self.adapter.as_ref()?).ok()?;
+        Some(Self::new(&device, &queue).with_caps(self.caps.clone()))
     }
 
     /// The same device and pipelines with other variants or limits, for tests and benches.

@@ -10,6 +10,7 @@
 pub mod adapter;
 pub mod bench;
 pub mod caps;
+pub mod compile;
 pub mod cpu;
 pub mod dispatch;
 pub mod error;

@@ -39,8 +39,9 @@ impl Engine {
     /// # Errors
     /// When there is none, or it is too small.
     pub fn open(wanted: Option<&str>) -> Result<Self, OmnixError> {
-        let (device, queue) = adapter::open(&adapter::choose(wanted)?)?;
-        Ok(Self::new(&device, &queue))
+        let adapter = adapter::choose(wanted)?;
+        let (device, queue) = adapter::open(&adapter)?;
+        Ok(Self { gpu: Gpu::new(&device, &queue).from_adapter(&adapter) })
     }
 
     /// As [`Engine::open`], with wgpu's experimental cooperative matrices (tensor cores) where the adapter has products

@@ -1,0 +1,41 @@
+//! Kernels are compiled before they are needed, on the device or on another of its adapter.
+
+use omnix_graph::{Plan, PlanOptions};
+use omnix_kernels::compile::compile;
+use omnix_kernels::{Gpu, WeightType, adapter};
+use omnix_tests::gpu;
+
+use crate::support::{run, two_blocks};
+
+fn opened() -> Gpu {
+    let wanted = std::env::var("OMNIX_DEVICE").ok();
+    let adapter = adapter::choose(wanted.as_deref()).expect("a device");
+    let (device, queue) = adapter::open(&adapter).expect("opens");
+    Gpu::new(&device, &queue).from_adapter(&adapter)
+}
+
+#[test]
+fn every_kernel_of_a_plan_compiles_with_nothing_bound_and_changes_nothing() {
+    let graph = two_blocks(2, 75, (2, 32));
+    let first = opened();
+    let sibling = first.sibling().expect("the adapter opens twice");
+    assert_eq!(sibling.caps, first.caps);
+    assert!(gpu().sibling().is_none(), "whose adapter is not known has none");
+    // Weights through uniform windows too, where the device takes them.
+    for registers in [16, 32] {
+        for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
+            let caps = first.caps.clone().with_vector_registers(registers);
+            let options = PlanOptions { storage, ..PlanOptions::default() };
+            let plan = Plan::new(&graph, &caps, &options).expect("plans");
+            let kernels = plan.kernels().expect("records");
+            assert!(kernels.len() > 4, "{}", kernels.len());
+            for device in [&first.with_caps(caps.clone()), &sibling.with_caps(caps)] {
+                for dispatch in &kernels {
+                    compile(device, dispatch).expect("compiles");
+                }
+                let bits = |gpu: &Gpu| run(gpu, &graph, &options).iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+                assert_eq!(bits(device), bits(&gpu().with_caps(device.caps.clone())), "{storage:?}");
+            }
+        }
+    }
+}
