@@ -90,7 +90,7 @@ fn main(
     let whole = p.x_a / p.x_d;
     let part = p.x_a - whole * p.x_d;
     let next = p.wo * p.c;
-    for (var c = local.x % p.lanes; c < p.c; c += p.lanes) {
+    for (var c = local.x % p.lanes; c < p.c; c += max(p.lanes, 1u)) {
         var cell1 = n0 / p.x_d;
         var over = n0 - cell1 * p.x_d;
         var to = p.y_rest + ((frame * rows + row) * p.wo + start) * p.c + c;

@@ -31,6 +31,7 @@ pub struct BindingInfo {
 /// One validated variant of a kernel. The entry point is `main`, the bind group is 0, and binding 0
 /// is the uniform `p: Params`.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Shader {
     /// Kernel name: the folder's.
     pub kernel: &'static str,

@@ -1,8 +1,11 @@
 //! Kernels are compiled before they are needed, on the device or on another of its adapter.
 
+use std::process::Command;
+
 use omnix_graph::{Plan, PlanOptions};
+use omnix_kernels::attention::Attention;
 use omnix_kernels::compile::compile;
-use omnix_kernels::{Gpu, WeightType, adapter};
+use omnix_kernels::{Gpu, Tier, WeightType, adapter};
 use omnix_tests::gpu;
 
 use crate::support::{run, two_blocks};
@@ -38,4 +41,34 @@ fn every_kernel_of_a_plan_compiles_with_nothing_bound_and_changes_nothing() {
             }
         }
     }
+}
+
+/// Says to the test below that its process has a cache of its own.
+const CHILD: &str = "OMNIX_TEST_EMPTY_CACHE";
+
+#[test]
+fn what_a_sibling_compiled_the_first_device_finds() {
+    if std::env::var_os(CHILD).is_none() {
+        let cache = tempfile::tempdir().expect("a folder");
+        let mut again = Command::new(std::env::current_exe().expect("this program"));
+        again.args(["compile::what_a_sibling_compiled_the_first_device_finds", "--exact", "--nocapture"]);
+        let ran = again.env(CHILD, "1").env("MESA_SHADER_CACHE_DIR", cache.path()).output().expect("runs");
+        let said = String::from_utf8_lossy(&ran.stdout).into_owned() + &String::from_utf8_lossy(&ran.stderr);
+        assert!(ran.status.success() && said.contains("1 passed"), "{said}");
+        return;
+    }
+    let first = opened();
+    if first.caps.tier != Tier::Software {
+        return;
+    }
+    let sibling = first.sibling().expect("the adapter opens twice");
+    let spec = Attention { groups: 1, heads: 1, head_dim: 64, nq: 40, nk: 40 };
+    let kernel = spec.record(&first.caps).expect("records").remove(0);
+    assert!(!first.is_prepared(&kernel));
+    let compiled = compile(&sibling, &kernel).expect("compiles");
+    assert!(!first.is_prepared(&kernel) && sibling.is_prepared(&kernel));
+    let found = compile(&first, &kernel).expect("finds it");
+    // Seconds against hundredths of one.
+    assert!(found * 3 < compiled, "{found:?} after {compiled:?}");
+    assert!(first.is_prepared(&kernel));
 }

@@ -18,6 +18,23 @@ use crate::{Arg, BufferSlice, Dispatch, Gpu, KernelError, Program};
 pub fn compile(gpu: &Gpu, dispatch: &Dispatch) -> Result<Duration, KernelError> {
     gpu.prepare(dispatch)?;
     let started = Instant::now();
+    // A device that is lost or full meanwhile is an error here, not a panic in wgpu's own handler.
+    let scopes =
+        [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory].map(|f| gpu.device.push_error_scope(f));
+    let done = dispatch_nothing(gpu, dispatch);
+    let errors = scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).last();
+    gpu.check_lost()?;
+    done?;
+    let shader = dispatch.shader;
+    let failed = |error: wgpu::Error| KernelError::Pipeline {
+        kernel: shader.kernel,
+        variant: shader.variant,
+        message: error.to_string(),
+    };
+    errors.map_or(Ok(started.elapsed()), |error| Err(failed(error)))
+}
+
+fn dispatch_nothing(gpu: &Gpu, dispatch: &Dispatch) -> Result<(), KernelError> {
     // Nothing runs, so any two buffers do for what is read and what is written.
     let written = gpu.buffer("nothing", UNIFORM_WINDOW, wgpu::BufferUsages::STORAGE)?;
     let slices = [BufferSlice::from(gpu.absent().clone()), BufferSlice::from(written)];
@@ -33,6 +50,5 @@ pub fn compile(gpu: &Gpu, dispatch: &Dispatch) -> Result<Duration, KernelError> 
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         program.encode(&mut pass, 0..program.len());
     }
-    gpu.wait_for(gpu.queue.submit([encoder.finish()]))?;
-    Ok(started.elapsed())
+    gpu.wait_for(gpu.queue.submit([encoder.finish()]))
 }

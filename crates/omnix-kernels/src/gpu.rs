@@ -69,6 +69,12 @@ impl Gpu {
         Self { adapter: Some(adapter.clone()), ..self }
     }
 
+    /// Whether [`Gpu::sibling`] can be asked: the adapter is known.
+    #[must_use]
+    pub fn has_siblings(&self) -> bool {
+        self.adapter.is_some()
+    }
+
     /// Another device of the same adapter, with the same facts and no pipelines yet; none where the adapter is not known or refuses.
     #[must_use]
     pub fn sibling(&self) -> Option<Self> {
@@ -195,6 +201,16 @@ impl Gpu {
         self.pipeline(dispatch.shader).map(drop)
     }
 
+    /// Whether the pipeline of `dispatch` has been made.
+    #[must_use]
+    pub fn is_prepared(&self, dispatch: &Dispatch) -> bool {
+        let key = (dispatch.shader.kernel, dispatch.shader.variant);
+        let pipelines = self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let cell = pipelines.get(&key).cloned();
+        drop(pipelines);
+        cell.is_some_and(|cell| cell.try_lock().is_ok_and(|made| made.is_some()))
+    }
+
     /// The pipeline of `shader`, made at first use.
     pub(crate) fn pipeline(&self, shader: &'static Shader) -> Result<Arc<Pipeline>, KernelError> {
         let key = (shader.kernel, shader.variant);
@@ -232,9 +248,9 @@ impl Gpu {
         // wgpu's counters, one in every turn of every loop, cost software devices 2 % of a network and copies a tenth.
         let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..wgpu::ShaderRuntimeChecks::checked() };
         #[expect(unsafe_code, reason = "wgpu's way to leave the counters out")]
-        // SAFETY: wgpu asks that no shader loops forever. They come from this workspace alone, and every loop in them is a `for`
-        // (`cargo xtask tidy`) that counts up by a constant, or a parameter that is not 0, to a bound that its body leaves alone. All
-        // other checks stay.
+        // SAFETY: wgpu asks that no shader loops forever. They come from this workspace alone (`Shader` is made in its crate only), and
+        // every loop in them is a `for` with a bound and a step (`cargo xtask tidy`): up by a constant, or by a parameter or a
+        // built-in value of at least 1, or down by halves, to what its body leaves alone. All other checks stay.
         let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
         let entries: Vec<_> =
             shader.bindings.iter().enumerate().map(|(i, b)| layout_entry(i, b.access, shader)).collect();

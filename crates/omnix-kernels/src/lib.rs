@@ -3,7 +3,7 @@
 //! A kernel has one name and five places: `shaders/<k>/`, `src/<k>.rs` here, its CPU oracle
 //! `src/cpu/<k>.rs`, `tests/kernels/<k>.rs` and `benches/kernels/<k>.rs`; `cargo xtask tidy` fails when
 //! one is missing. A kernel's `record` is a pure function from a specification and the [`Caps`] of a
-//! device to a list of [`Dispatch`]es over numbered arguments; only [`gpu`] and [`program`] touch a device.
+//! device to a list of [`Dispatch`]es over numbered arguments; only [`gpu`], [`program`], [`compile`] and [`run`] touch a device.
 //!
 //! Tensors are f32, contiguous, channels last: tokens `[image, token, channel]`, maps `[image, row, column, channel]`.
 

@@ -51,8 +51,9 @@ impl Engine {
     /// # Errors
     /// As [`Engine::open`].
     pub fn open_experimental(wanted: Option<&str>) -> Result<Self, OmnixError> {
-        let (device, queue, products) = adapter::open_experimental(&adapter::choose(wanted)?)?;
-        let engine = Self::new(&device, &queue);
+        let adapter = adapter::choose(wanted)?;
+        let (device, queue, products) = adapter::open_experimental(&adapter)?;
+        let engine = Self { gpu: Gpu::new(&device, &queue).from_adapter(&adapter) };
         let caps = engine.caps().clone().with_cooperative(products);
         Ok(engine.with_caps(caps))
     }

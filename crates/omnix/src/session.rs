@@ -81,7 +81,8 @@ pub(crate) type Listener<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
 
 impl Session {
     /// Uploads the weights (of the first stage, if the plan does not keep them all) and allocates the backbone. Meanwhile, and
-    /// while the first stages run, another thread makes the pipelines of all stages.
+    /// while the first stages run, up to four threads make the pipelines of all stages (on lavapipe one of them submits a dispatch of
+    /// nothing and waits for it).
     ///
     /// # Errors
     /// When a weight of any stage is damaged, memory runs out, or `progress` broke off.

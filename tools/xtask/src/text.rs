@@ -47,6 +47,12 @@ fn check_file(path: &str, text: &str) -> Vec<Finding> {
             let message = format!("`{word}`: loops are `for` and count to a bound, wgpu is not asked to end them");
             findings.push(Finding::error(at(), message));
         }
+        if path.ends_with(".wgsl")
+            && code.contains("for (")
+            && code.split(';').filter(|part| !part.trim_matches([' ', '(', ')', '{']).is_empty()).count() < 3
+        {
+            findings.push(Finding::error(at(), "a `for` has its start, its bound and its step on one line"));
+        }
         // Prose may speak of the markers.
         if !path.ends_with(".md")
             && let Some(marker) = MARKERS.iter().find(|marker| has_word(line, marker))
@@ -118,6 +124,9 @@ mod tests {
         for code in ["    loop {", "    while (low < high) {"] {
             assert_eq!(levels("a.wgsl", &file(code)), [Level::Error], "{code}");
             assert_eq!(levels("a.rs", &format!("//! x\n{code}\n")), []);
+        }
+        for code in ["    for (;;) {", "    for (var i = 0u; ; i++) {", "    for (var i = 0u; i < n;) {"] {
+            assert_eq!(levels("a.wgsl", &file(code)), [Level::Error], "{code}");
         }
     }
 

@@ -1,11 +1,11 @@
 //! Pipelines of all stages, made on threads of their own while weights are read and stages run.
 //!
-//! lavapipe makes a pipeline's machine code only at its first dispatch, on one thread. Where its cache of them turns out to be empty, the
-//! threads go on and compile on devices of their own, from the last kernel to the first, while the run itself compiles
-//! from the first on: each finds in the cache what the others did.
+//! lavapipe makes a pipeline's machine code only at its first dispatch, on one thread. Where its cache of them turns out to be empty, other
+//! threads compile on devices of their own, from the last kernel to the first, while the run itself compiles from the
+//! first on: each finds in the cache what the others did.
 
 use std::collections::HashSet;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -19,10 +19,12 @@ use crate::plan::RunPlan;
 const MOST_THREADS: usize = 4;
 /// Threads that compile on devices of their own; each takes about 100 MiB while it does.
 const SIBLINGS: usize = 2;
-/// A product's code comes from the cache in less, and is compiled in more.
+/// A run that has less memory does without them.
+const ROOMY: u64 = 2 << 30;
+/// The code of a large product comes from the cache in less, and is compiled in more.
 const CACHED: Duration = Duration::from_millis(100);
 
-/// The threads; they end with the last pipeline, or soon after this is dropped.
+/// The threads; they end with the last pipeline, or with the one at hand after this is dropped.
 #[derive(Debug)]
 pub(super) struct Warmup {
     work: Arc<Work>,
@@ -37,18 +39,26 @@ struct Work {
     kernels: OnceLock<Vec<Dispatch>>,
     /// The next of them to be taken.
     next: AtomicUsize,
-    /// Whether the driver's cache is empty: the first thread finds out.
+    /// Whether the driver's cache is empty and siblings can help: the first thread finds out.
     cold: OnceLock<bool>,
     /// How many of the last ones have been taken to be compiled.
     compiled: AtomicUsize,
+    /// Nobody needs the rest.
+    stop: AtomicBool,
 }
 
 impl Warmup {
     /// Starts the threads. Where none is to be had (the web), stages make their pipelines when they start.
     pub(super) fn start(gpu: &Gpu, plan: &RunPlan) -> Self {
-        let (gpu, plan) = (gpu.clone(), plan.clone());
-        let (next, compiled) = (AtomicUsize::new(0), AtomicUsize::new(0));
-        let work = Arc::new(Work { gpu, plan, kernels: OnceLock::new(), next, cold: OnceLock::new(), compiled });
+        let work = Arc::new(Work {
+            gpu: gpu.clone(),
+            plan: plan.clone(),
+            kernels: OnceLock::new(),
+            next: AtomicUsize::new(0),
+            cold: OnceLock::new(),
+            compiled: AtomicUsize::new(0),
+            stop: AtomicBool::new(false),
+        });
         let count = std::thread::available_parallelism().map_or(1, |n| n.get().min(MOST_THREADS));
         let thread = |i: usize| {
             let work = Arc::clone(&work);
@@ -62,39 +72,73 @@ impl Warmup {
 
 impl Work {
     fn go_through(&self, thread: usize) {
-        let kernels = self.kernels.get_or_init(|| distinct(&self.plan));
         let first = thread == 0;
-        if first {
-            let cold = self.gpu.caps.tier == Tier::Software && self.is_cold(kernels);
-            let _ = self.cold.set(cold);
+        let answer = first.then(|| Answer(&self.cold));
+        let kernels = self.kernels.get_or_init(|| distinct(&self.plan));
+        if let Some(answer) = answer {
+            answer.give(self.is_cold(kernels));
         }
         // With an empty cache, making pipelines would wait for the run, which holds the device's queue while it compiles.
         let stay = || first || !self.cold.get().is_some_and(|cold| *cold);
         let next = || kernels.get(self.next.fetch_add(1, Ordering::Relaxed));
         // An error is met again, and reported, where the pipeline is needed.
-        while stay()
+        while self.goes_on()
+            && stay()
             && let Some(dispatch) = next()
         {
             let _ = self.gpu.prepare(dispatch);
         }
         // The run itself keeps one processor busy with compiling.
-        if (1..=SIBLINGS).contains(&thread) && *self.cold.wait() {
+        if (1..=SIBLINGS).contains(&thread) && *self.cold.wait() && self.goes_on() {
             self.compile(kernels);
         }
     }
 
-    /// Whether the first product has to be compiled. That it is then is no loss: it is needed soon.
+    fn goes_on(&self) -> bool {
+        !self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Whether the longest product has to be compiled, and other devices may help. That it is compiled then is no loss: it is needed soon.
     fn is_cold(&self, kernels: &[Dispatch]) -> bool {
-        let product = kernels.iter().find(|dispatch| dispatch.shader.kernel == "linear");
-        product.is_some_and(|dispatch| compile(&self.gpu, dispatch).is_ok_and(|time| time > CACHED))
+        let may = self.gpu.caps.tier == Tier::Software
+            && self.gpu.has_siblings()
+            && self.plan.request.budget.is_none_or(|bytes| bytes >= ROOMY);
+        let products = kernels.iter().filter(|dispatch| dispatch.shader.kernel == "linear");
+        let longest = products.max_by_key(|dispatch| dispatch.shader.wgsl.len());
+        // A pipeline that an earlier run made has been compiled.
+        may && longest.is_some_and(|dispatch| {
+            !self.gpu.is_prepared(dispatch)
+                && self.goes_on()
+                && compile(&self.gpu, dispatch).is_ok_and(|time| time > CACHED)
+        })
     }
 
     fn compile(&self, kernels: &[Dispatch]) {
         let Some(sibling) = self.gpu.sibling() else { return };
         let take = || kernels.len().checked_sub(1 + self.compiled.fetch_add(1, Ordering::Relaxed));
-        while let Some(dispatch) = take().and_then(|i| kernels.get(i)) {
-            let _ = compile(&sibling, dispatch);
+        while self.goes_on()
+            && let Some(dispatch) = take().and_then(|i| kernels.get(i))
+        {
+            // What a device that fails does not compile the run does.
+            if compile(&sibling, dispatch).is_err() {
+                return;
+            }
         }
+    }
+}
+
+/// What other threads wait for: no, if the thread that was to find out breaks down.
+struct Answer<'a>(&'a OnceLock<bool>);
+
+impl Answer<'_> {
+    fn give(&self, answer: bool) {
+        let _ = self.0.set(answer);
+    }
+}
+
+impl Drop for Answer<'_> {
+    fn drop(&mut self) {
+        self.give(false);
     }
 }
 
@@ -107,8 +151,7 @@ fn distinct(plan: &RunPlan) -> Vec<Dispatch> {
 
 impl Drop for Warmup {
     fn drop(&mut self) {
-        self.work.next.store(usize::MAX / 2, Ordering::Relaxed);
-        self.work.compiled.store(usize::MAX / 2, Ordering::Relaxed);
+        self.work.stop.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
             // A panic there is a bug that the stage meets itself.
             let _ = thread.join();
