@@ -31,7 +31,9 @@ fn every_kernel_of_a_plan_compiles_with_nothing_bound_and_changes_nothing() {
             let options = PlanOptions { storage, ..PlanOptions::default() };
             let plan = Plan::new(&graph, &caps, &options).expect("plans");
             let kernels = plan.kernels().expect("records");
-            assert!(kernels.len() >= 4, "{}", kernels.len());
+            for kernel in ["attention", "layer_norm", "linear", "split_heads"] {
+                assert!(kernels.iter().any(|dispatch| dispatch.shader.kernel == kernel), "no {kernel}");
+            }
             for device in [&first.with_caps(caps.clone()), &sibling.with_caps(caps)] {
                 for dispatch in &kernels {
                     compile(device, dispatch).expect("compiles");

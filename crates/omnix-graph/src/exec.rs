@@ -223,14 +223,13 @@ fn allocate(gpu: &Gpu, plan: &Plan, bindings: &Bindings) -> Result<Vec<Option<Bu
     // Buffers begin as zeros. The driver of a software device would fill them at first use, on one processor.
     let intermediate = |bytes: &u64| {
         if !gpu.maps_buffers() {
-            return gpu.buffer("intermediates", *bytes, USAGE);
+            return Ok(gpu.buffer("intermediates", *bytes, USAGE)?.into());
         }
         let buffer = gpu.buffer_mapped("intermediates", *bytes, USAGE)?;
         buffer.unmap();
-        Ok(buffer)
+        Ok(buffer.into())
     };
-    let arena = plan.memory.arena.par_iter().map(intermediate).collect::<Result<Vec<_>, _>>()?;
-    let arena: Vec<BufferSlice> = arena.into_iter().map(BufferSlice::from).collect();
+    let arena: Vec<BufferSlice> = plan.memory.arena.par_iter().map(intermediate).collect::<Result<_, GraphError>>()?;
     let mut buffers = vec![None; plan.memory.places.len()];
     for (value, info) in plan.graph.values() {
         let root = value.0 as usize;

@@ -6,7 +6,7 @@ use omnix_shaders::{Access, Shader};
 use rustc_hash::FxHashMap;
 
 use crate::caps::UNIFORM_WINDOW;
-use crate::{Caps, Dispatch, KernelError};
+use crate::{Caps, Cooperative, Dispatch, KernelError};
 
 /// A device, its queue, its facts, and a pipeline a shader. Cheap to clone; the host keeps its own handles.
 #[derive(Clone, Debug)]
@@ -75,11 +75,14 @@ impl Gpu {
         self.adapter.is_some()
     }
 
-    /// Another device of the same adapter, with the same facts and no pipelines yet; none where the adapter is not known or refuses.
+    /// Another device of the same adapter, with the same facts, but for cooperative matrices, and no pipelines yet; none where the
+    /// adapter is not known or refuses.
     #[must_use]
     pub fn sibling(&self) -> Option<Self> {
         let (device, queue) = crate::adapter::open(self.adapter.as_ref()?).ok()?;
-        Some(Self::new(&device, &queue).with_caps(self.caps.clone()))
+        // Opened without experimental features.
+        let caps = self.caps.clone().with_cooperative(Cooperative::default());
+        Some(Self::new(&device, &queue).with_caps(caps))
     }
 
     /// The same device and pipelines with other variants or limits, for tests and benches.
