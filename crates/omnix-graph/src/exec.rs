@@ -4,7 +4,6 @@ use std::ops::{ControlFlow, Range};
 
 use omnix_kernels::dispatch::round_up;
 use omnix_kernels::{BufferSlice, Dispatch, Gpu, Program, run};
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use crate::error::GraphError;
@@ -220,16 +219,8 @@ impl Executable {
 
 /// Buffers of the arena, of inputs and outputs, and of constants.
 fn allocate(gpu: &Gpu, plan: &Plan, bindings: &Bindings) -> Result<Vec<Option<BufferSlice>>, GraphError> {
-    // Buffers begin as zeros. The driver of a software device would fill them at first use, on one processor.
-    let intermediate = |bytes: &u64| {
-        if !gpu.maps_buffers() {
-            return Ok(gpu.buffer("intermediates", *bytes, USAGE)?.into());
-        }
-        let buffer = gpu.buffer_mapped("intermediates", *bytes, USAGE)?;
-        buffer.unmap();
-        Ok(buffer.into())
-    };
-    let arena: Vec<BufferSlice> = plan.memory.arena.par_iter().map(intermediate).collect::<Result<_, GraphError>>()?;
+    let intermediate = |bytes: &u64| Ok(gpu.buffer("intermediates", *bytes, USAGE)?.into());
+    let arena: Vec<BufferSlice> = plan.memory.arena.iter().map(intermediate).collect::<Result<_, GraphError>>()?;
     let mut buffers = vec![None; plan.memory.places.len()];
     for (value, info) in plan.graph.values() {
         let root = value.0 as usize;

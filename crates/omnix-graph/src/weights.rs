@@ -65,33 +65,32 @@ impl WeightKey {
         round_up(bytes, 256)
     }
 
-    /// The stored bytes, from all numbers of the checkpoint's tensor.
-    pub(crate) fn pack(&self, all: &[f32]) -> Vec<u8> {
+    /// Writes the stored bytes to `out`, which is all zeros, from all numbers of the checkpoint's tensor.
+    pub(crate) fn pack(&self, all: &[f32], out: &mut [u8]) {
         let (dims, data) = (self.parameter.shape(), self.parameter.block(all));
         let row: usize = dims.get(1..).map_or(1, |rest| rest.iter().product());
+        let mut write = |bytes: &[u8]| out[..bytes.len()].copy_from_slice(bytes);
         match self.packing {
-            Packing::Plain => bytemuck::cast_slice(&data).to_vec(),
-            Packing::Repeat => bytemuck::cast_slice(&data.repeat(MAX_BLOCK as usize)).to_vec(),
+            Packing::Plain => write(bytemuck::cast_slice(&data)),
+            Packing::Repeat => write(bytemuck::cast_slice(&data.repeat(MAX_BLOCK as usize))),
             Packing::Matrix(form, storage) => {
                 let shape = packed_shape(&dims, form, storage);
-                let mut bytes = match form {
-                    WeightForm::Linear => shape.pack(|k, n| data[n * row + k]),
+                match form {
+                    WeightForm::Linear => shape.pack_into(|k, n| data[n * row + k], out),
                     WeightForm::Conv => {
                         let (channels, taps) = (dims[1], dims[2] * dims[3]);
-                        shape.pack(|k, n| data[n * row + k % channels * taps + k / channels])
+                        shape.pack_into(|k, n| data[n * row + k % channels * taps + k / channels], out)
                     }
                     WeightForm::Winograd => {
                         let channels = dims[1];
                         let places: Vec<_> = data.as_chunks().0.iter().map(|taps| transform(*taps)).collect();
-                        shape.pack(|k, n| places[n * channels + k % channels][k / channels])
+                        shape.pack_into(|k, n| places[n * channels + k % channels][k / channels], out)
                     }
                     WeightForm::ConvTranspose => {
-                        let (out, taps) = (dims[1], dims[2] * dims[3]);
-                        shape.pack(|k, n| data[k * row + n % out * taps + n / out])
+                        let (width, taps) = (dims[1], dims[2] * dims[3]);
+                        shape.pack_into(|k, n| data[k * row + n % width * taps + n / width], out)
                     }
-                };
-                bytes.truncate(self.bytes() as usize);
-                bytes
+                }
             }
         }
     }
@@ -118,17 +117,12 @@ impl WeightStore {
         let mut seen = rustc_hash::FxHashSet::default();
         let distinct: Vec<&WeightKey> = keys.iter().filter(|k| seen.insert(*k)).collect();
         let total = distinct.iter().map(|k| k.bytes()).sum();
-        let (mut store, mut done) = (Self::default(), 0);
-        store.bytes = upload(gpu, source, &distinct, &mut |keys, buffer, mut offset| {
-            for key in keys {
-                let (key, buffer, size) = ((*key).clone(), buffer.clone(), key.bytes());
-                store.slices.insert(key, BufferSlice { buffer, offset, size });
-                offset += size;
-                done += size;
-            }
+        let mut done = 0;
+        let (slices, bytes) = upload(gpu, source, &distinct, &mut |written| {
+            done += written;
             progress(done, total)
         })?;
-        Ok(store)
+        Ok(Self { slices: distinct.into_iter().cloned().zip(slices).collect(), bytes })
     }
 
     /// Bytes on the device.

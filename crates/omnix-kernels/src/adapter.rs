@@ -3,11 +3,10 @@
 //! The engine itself borrows the host's device; this is for programs that have none of their own: the
 //! command line, tests and benches.
 
-use crate::KernelError;
 use crate::caps::Cooperative;
+use crate::{KernelError, host_memory};
 
-/// Features the kernels use where an adapter has them; none is required. On a software device
-/// [`wgpu::Features::MAPPABLE_PRIMARY_BUFFERS`] is of use too: weights are then written where shaders read them.
+/// Features the kernels use where an adapter has them; none is required.
 #[must_use]
 pub fn wanted_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP
@@ -145,20 +144,16 @@ fn request(
     features: wgpu::Features,
     experimental_features: wgpu::ExperimentalFeatures,
 ) -> Result<(wgpu::Device, wgpu::Queue), KernelError> {
-    let in_place = match adapter.get_info().device_type {
-        // Weights are written where shaders read them. On a GPU the feature costs speed, and wgpu warns of it.
-        wgpu::DeviceType::Cpu => wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
-        _ => wgpu::Features::empty(),
-    };
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("omnix"),
-        required_features: adapter.features() & (features | in_place),
+        required_features: adapter.features() & features,
         required_limits: adapter.limits(),
         experimental_features,
         memory_hints: wgpu::MemoryHints::MemoryUsage,
         trace: wgpu::Trace::Off,
     };
-    pollster::block_on(adapter.request_device(&descriptor))
+    host_memory::open(adapter, &descriptor)
+        .unwrap_or_else(|| pollster::block_on(adapter.request_device(&descriptor)))
         .map_err(|e| KernelError::NoAdapter { reason: format!("{} cannot be opened: {e}", adapter.get_info().name) })
 }
 

@@ -6,7 +6,7 @@ use omnix_shaders::{Access, Shader};
 use rustc_hash::FxHashMap;
 
 use crate::caps::UNIFORM_WINDOW;
-use crate::{Caps, Cooperative, Dispatch, KernelError};
+use crate::{Caps, Cooperative, Dispatch, HostMemory, KernelError, host_memory};
 
 /// A device, its queue, its facts, and a pipeline a shader. Cheap to clone; the host keeps its own handles.
 #[derive(Clone, Debug)]
@@ -28,6 +28,8 @@ struct Shared {
     /// Bound where an optional argument is absent.
     absent: wgpu::Buffer,
     lost: Arc<OnceLock<String>>,
+    /// Whether it imports the program's memory.
+    imports: bool,
 }
 
 /// A compute pipeline and the layout of its one bind group.
@@ -42,6 +44,14 @@ type Made = Mutex<Option<Arc<Pipeline>>>;
 
 /// Bytes of the buffer bound for absent arguments: a full uniform window would also fit.
 const ABSENT_BYTES: u64 = 65_536;
+
+/// Smaller buffers are left to the driver: they share an allocation.
+const IMPORTED_BYTES: u64 = 1 << 20;
+/// What imported buffers can be used for.
+const IMPORTED_USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
+    .union(wgpu::BufferUsages::UNIFORM)
+    .union(wgpu::BufferUsages::COPY_SRC)
+    .union(wgpu::BufferUsages::COPY_DST);
 
 impl Gpu {
     /// Borrows `device` and `queue`. Nothing global is set, but the device-lost callback is taken.
@@ -59,7 +69,8 @@ impl Gpu {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM,
             mapped_at_creation: false,
         });
-        let shared = Shared { pipelines: Mutex::default(), absent, lost };
+        let imports = host_memory::imports(device);
+        let shared = Shared { pipelines: Mutex::default(), absent, lost, imports };
         Self { device: device.clone(), queue: queue.clone(), caps, adapter: None, shared: Arc::new(shared) }
     }
 
@@ -129,52 +140,66 @@ impl Gpu {
         &self.shared.absent
     }
 
-    /// Creates a buffer, or says that memory ran out.
+    /// Creates a buffer of zeros, or says that memory ran out. One for shaders and copies lies in the program's memory where the
+    /// device can import that ([`Gpu::imports`]).
     ///
     /// # Errors
     /// [`KernelError::OutOfMemory`] with `what` and the size.
     pub fn buffer(&self, what: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, KernelError> {
+        if self.imports() && bytes >= IMPORTED_BYTES && !usage.intersects(IMPORTED_USAGE.complement()) {
+            let memory = self.host_memory(what, bytes)?;
+            memory.populate();
+            return self.import(what, memory, usage);
+        }
         self.create(&wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false })
     }
 
-    /// Whether [`Gpu::buffer_mapped`] is to be had and of use: the shaders run on the processor, in its memory, and the
-    /// device was opened with [`wgpu::Features::MAPPABLE_PRIMARY_BUFFERS`]. Vulkan only: what DX12 maps for writing is slow to read.
+    /// Whether [`Gpu::import`] is to be had: the shaders run on the processor, in its memory, and the Vulkan device was opened by
+    /// [`crate::adapter`] or by a host with `VK_EXT_external_memory_host`.
     #[must_use]
-    pub fn maps_buffers(&self) -> bool {
-        let info = self.device.adapter_info();
-        info.device_type == wgpu::DeviceType::Cpu
-            && info.backend == wgpu::Backend::Vulkan
-            && self.device.features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS)
+    pub fn imports(&self) -> bool {
+        self.shared.imports
     }
 
-    /// As [`Gpu::buffer`], full of zeros and mapped for writing, whatever its usage.
+    /// Zeroed memory for a buffer.
     ///
     /// # Errors
-    /// As [`Gpu::buffer`].
-    pub fn buffer_mapped(
+    /// [`KernelError::OutOfMemory`].
+    pub fn host_memory(&self, what: &str, bytes: u64) -> Result<HostMemory, KernelError> {
+        self.check_size(what, bytes)?;
+        HostMemory::zeroed(bytes).map_err(|_| KernelError::OutOfMemory { what: what.to_owned(), bytes })
+    }
+
+    /// Makes memory and what the program has written to it a buffer, without a copy. Asks for [`Gpu::imports`].
+    ///
+    /// # Errors
+    /// [`KernelError::OutOfMemory`] when the driver refuses.
+    pub fn import(
         &self,
         what: &str,
-        bytes: u64,
+        memory: HostMemory,
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, KernelError> {
-        let usage = usage | wgpu::BufferUsages::MAP_WRITE;
-        self.create(&wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: true })
+        let bytes = memory.len() as u64;
+        let buffer = host_memory::import(&self.device, what, memory, usage);
+        self.check_lost()?;
+        buffer.ok_or_else(|| KernelError::OutOfMemory { what: what.to_owned(), bytes })
+    }
+
+    fn check_size(&self, what: &str, bytes: u64) -> Result<(), KernelError> {
+        let fits = bytes <= self.device.limits().max_buffer_size;
+        fits.then_some(()).ok_or_else(|| KernelError::OutOfMemory { what: what.to_owned(), bytes })
     }
 
     fn create(&self, descriptor: &wgpu::BufferDescriptor<'_>) -> Result<wgpu::Buffer, KernelError> {
-        let refused = || {
-            let what = descriptor.label.unwrap_or_default().to_owned();
-            KernelError::OutOfMemory { what, bytes: descriptor.size }
-        };
-        if descriptor.size > self.device.limits().max_buffer_size {
-            return Err(refused());
-        }
+        let what = descriptor.label.unwrap_or_default();
+        self.check_size(what, descriptor.size)?;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = self.device.create_buffer(descriptor);
         let error = pollster::block_on(scope.pop());
         // A lost device gives a buffer that is none.
         self.check_lost()?;
-        error.map_or(Ok(buffer), |_| Err(refused()))
+        error.map_or(Ok(buffer), |_| Err(KernelError::OutOfMemory { what: what.to_owned(), bytes: descriptor.size }))
     }
 
     /// Memory to write to, which is copied to `bytes` of `buffer` from `offset` on by the submission after it is dropped.

@@ -3,7 +3,8 @@
 //! A kernel has one name and five places: `shaders/<k>/`, `src/<k>.rs` here, its CPU oracle
 //! `src/cpu/<k>.rs`, `tests/kernels/<k>.rs` and `benches/kernels/<k>.rs`; `cargo xtask tidy` fails when
 //! one is missing. A kernel's `record` is a pure function from a specification and the [`Caps`] of a
-//! device to a list of [`Dispatch`]es over numbered arguments; only [`gpu`], [`program`], [`compile`] and [`run`] touch a device.
+//! device to a list of [`Dispatch`]es over numbered arguments; only [`gpu`], [`program`], [`compile`],
+//! [`run`] and [`host_memory`] touch a device.
 //!
 //! Tensors are f32, contiguous, channels last: tokens `[image, token, channel]`, maps `[image, row, column, channel]`.
 
@@ -15,6 +16,7 @@ pub mod cpu;
 pub mod dispatch;
 pub mod error;
 pub mod gpu;
+pub mod host_memory;
 pub mod layout;
 pub mod packed;
 pub mod program;
@@ -50,5 +52,6 @@ pub use caps::{Caps, Cooperative, Tier};
 pub use dispatch::{Arg, Dispatch};
 pub use error::KernelError;
 pub use gpu::Gpu;
+pub use host_memory::HostMemory;
 pub use packed::{PackedWeights, WeightType};
 pub use program::{BufferSlice, Program};

@@ -103,11 +103,16 @@ impl PackedWeights {
     /// bytes.
     #[must_use]
     pub fn pack(&self, weight: impl Fn(usize, usize) -> f32 + Sync) -> Vec<u8> {
-        let (k, n) = (self.k as usize, self.n as usize);
         let mut out = vec![0u8; self.bytes() as usize];
+        self.pack_into(weight, &mut out);
+        out
+    }
+
+    /// As [`PackedWeights::pack`], to where all bytes are 0: what only fills up is not written.
+    pub fn pack_into(&self, weight: impl Fn(usize, usize) -> f32 + Sync, out: &mut [u8]) {
+        let (k, n) = (self.k as usize, self.n as usize);
         let (blocks, tail) = out.split_at_mut(self.scales().0 as usize);
         let blocks = blocks.par_chunks_mut(self.block_bytes() as usize).take(self.blocks() as usize).enumerate();
-        // Rows and columns that only fill up stay 0.
         let columns = |block: usize| (n - block * 32).min(32);
         match self.storage {
             WeightType::F32 => blocks.for_each(|(block, out)| {
@@ -137,7 +142,6 @@ impl PackedWeights {
                 }
             }),
         }
-        out
     }
 }
 

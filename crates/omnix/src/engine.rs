@@ -64,8 +64,8 @@ impl Engine {
         Self { gpu: self.gpu.with_caps(caps) }
     }
 
-    /// Features that make the engine faster where the adapter has them; none is required. On a software device
-    /// [`wgpu::Features::MAPPABLE_PRIMARY_BUFFERS`] saves memory and time while weights are loaded.
+    /// Features that make the engine faster where the adapter has them; none is required. A software Vulkan device that is opened
+    /// with the extension `VK_EXT_external_memory_host` too, as omnix opens its own on Linux, saves memory and time while weights are loaded.
     #[must_use]
     pub fn wanted_features() -> wgpu::Features {
         adapter::wanted_features()

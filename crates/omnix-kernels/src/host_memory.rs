@@ -1,0 +1,111 @@
+//! Memory of the program as buffers of a software device.
+//!
+//! A software Vulkan device works in the program's own memory. What its driver allocates is a shared file of 4 KiB pages, each
+//! made and cleared at its first use, and wgpu writes zeros to what it maps before anyone else writes to it. Here a buffer is anonymous
+//! memory, in huge pages where the system has them, that the program fills through plain slices and the driver then imports
+//! (`VK_EXT_external_memory_host`). On Linux; elsewhere no device imports.
+
+use std::io;
+use std::ops::{Deref, DerefMut};
+
+use memmap2::{MmapMut, MmapOptions};
+
+use crate::dispatch::round_up;
+
+#[cfg(target_os = "linux")]
+mod vulkan;
+#[cfg(target_os = "linux")]
+pub(crate) use vulkan::{import, imports, open};
+
+/// Where buffers start: at a huge page.
+const HUGE_PAGE: u64 = 2 << 20;
+/// What a driver may take of it is a multiple of this.
+const PAGE: u64 = 4 << 10;
+
+/// Zeroed memory for one buffer, which [`crate::Gpu::import`] gives to a device.
+#[derive(Debug)]
+pub struct HostMemory {
+    map: MmapMut,
+    start: usize,
+    bytes: usize,
+}
+
+impl HostMemory {
+    /// `bytes` zeros. Pages are made when they are touched.
+    pub(crate) fn zeroed(bytes: u64) -> io::Result<Self> {
+        let too_much = |_| io::Error::from(io::ErrorKind::OutOfMemory);
+        let length = usize::try_from(round_up(bytes, PAGE) + HUGE_PAGE).map_err(too_much)?;
+        let map = MmapOptions::new().len(length).map_anon()?;
+        let start = map.as_ptr().align_offset(HUGE_PAGE as usize);
+        let bytes = bytes as usize;
+        // Whole ones only: the last would take memory that nobody planned. Where the system has none it only takes longer.
+        #[cfg(target_os = "linux")]
+        let _ = map.advise_range(memmap2::Advice::HugePage, start, bytes - bytes % HUGE_PAGE as usize);
+        Ok(Self { map, start, bytes })
+    }
+
+    /// Makes all pages now, on all processors: at first use in a shader one processor clears a page that the others wait for.
+    pub(crate) fn populate(&self) {
+        #[cfg(target_os = "linux")]
+        {
+            use rayon::prelude::*;
+            (0..self.bytes).into_par_iter().step_by(HUGE_PAGE as usize).for_each(|at| {
+                let length = (self.bytes - at).min(HUGE_PAGE as usize);
+                // Not known before Linux 5.14, where it only takes longer.
+                let _ = self.map.advise_range(memmap2::Advice::PopulateWrite, self.start + at, length);
+            });
+        }
+    }
+}
+
+impl Deref for HostMemory {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.map[self.start..self.start + self.bytes]
+    }
+}
+
+impl DerefMut for HostMemory {
+    fn deref_mut(&mut self) -> &mut [u8] {
+        &mut self.map[self.start..self.start + self.bytes]
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+mod none {
+    use super::HostMemory;
+
+    type Opened = Result<(wgpu::Device, wgpu::Queue), wgpu::RequestDeviceError>;
+
+    pub(crate) fn open(_: &wgpu::Adapter, _: &wgpu::DeviceDescriptor<'_>) -> Option<Opened> {
+        None
+    }
+
+    pub(crate) fn imports(_: &wgpu::Device) -> bool {
+        false
+    }
+
+    pub(crate) fn import(_: &wgpu::Device, _: &str, _: HostMemory, _: wgpu::BufferUsages) -> Option<wgpu::Buffer> {
+        None
+    }
+}
+#[cfg(not(target_os = "linux"))]
+pub(crate) use none::{import, imports, open};
+
+#[cfg(test)]
+mod tests {
+    use super::{HUGE_PAGE, HostMemory};
+
+    #[test]
+    fn memory_is_zeros_at_a_huge_page_of_any_size() {
+        for bytes in [1, 4096, 4097, HUGE_PAGE - 1, HUGE_PAGE + 1, 3 * HUGE_PAGE] {
+            let mut memory = HostMemory::zeroed(bytes).expect("little memory");
+            memory.populate();
+            assert_eq!((memory.len() as u64, memory.as_ptr() as u64 % HUGE_PAGE), (bytes, 0));
+            assert!(memory.iter().all(|byte| *byte == 0));
+            memory.fill(1);
+        }
+        assert!(HostMemory::zeroed(u64::MAX / 2).is_err());
+    }
+}
