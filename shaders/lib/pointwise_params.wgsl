@@ -74,19 +74,19 @@ fn binary(op: u32, v: vec4<f32>, w: vec4<f32>) -> vec4<f32> {
     }
 }
 
-fn simple(op: u32, v: vec4<f32>) -> vec4<f32> {
+fn simple(op: u32, s: f32, t: f32, v: vec4<f32>) -> vec4<f32> {
     switch op {
         case 6u: { return max(v, vec4<f32>(0.0)); }
         case 7u: { return -v; }
         case 8u: { return abs(v); }
         case 9u: { return v * v; }
-        case 10u: { return v * p.s + p.t; }
-        case 11u: { return clamp(v, vec4<f32>(p.s), vec4<f32>(p.t)); }
-        default: { return select(vec4<f32>(0.0), vec4<f32>(1.0), v < vec4<f32>(p.s)); }
+        case 10u: { return v * s + t; }
+        case 11u: { return clamp(v, vec4<f32>(s), vec4<f32>(t)); }
+        default: { return select(vec4<f32>(0.0), vec4<f32>(1.0), v < vec4<f32>(s)); }
     }
 }
 
-fn costly(op: u32, v: vec4<f32>) -> vec4<f32> {
+fn costly(op: u32, s: f32, t: f32, v: vec4<f32>) -> vec4<f32> {
     switch op {
         case 13u: { return 1.0 / v; }
         case 14u: { return sqrt(v); }
@@ -96,7 +96,7 @@ fn costly(op: u32, v: vec4<f32>) -> vec4<f32> {
         case 18u: { return softplus(v); }
         case 19u: { return exp(v); }
         case 20u: { return log(v); }
-        case 21u: { return exp(clamp(v, vec4<f32>(p.s), vec4<f32>(p.t))); }
+        case 21u: { return exp(clamp(v, vec4<f32>(s), vec4<f32>(t))); }
         default: { return tanh(clamp(v, vec4<f32>(-20.0), vec4<f32>(20.0))); }
     }
 }

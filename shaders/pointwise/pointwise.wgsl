@@ -72,11 +72,11 @@ fn main(
         }
     } else if (p.op < COSTLY) {
         for (var i = first; i < end; i += 256u) {
-            store(i, simple(p.op, load(i)));
+            store(i, simple(p.op, p.s, p.t, load(i)));
         }
     } else {
         for (var i = first; i < end; i += 256u) {
-            store(i, costly(p.op, load(i)));
+            store(i, costly(p.op, p.s, p.t, load(i)));
         }
     }
 }

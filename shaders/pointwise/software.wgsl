@@ -2,8 +2,9 @@
 //
 // A workgroup is one subgroup of 8 lanes, which a software rasteriser sends through the whole loop before the next one starts:
 // only so are the addresses that are walked consecutive. A step is eight elements, four 64-bit words in one load. All
-// branches are executed here, under a mask, so every costly operation has a loop of its own: one that has nothing to do
-// ends after one turn. Needs n and all offsets to be multiples of 8, and b's length, or what shares an element of b.
+// branches are executed here, under a mask: operations of two numbers and cheap ones of one have a loop each, of which the one that has
+// nothing to do ends after one turn, and a costly operation (OP, its number) is a variant. Needs n and all offsets to be
+// multiples of 8, and b's length, or what shares an element of b.
 #import pointwise_params
 #import grid
 #import quad
@@ -31,6 +32,16 @@ fn main(
     let first = lib_fold(group, groups) * 64u * p.steps + local.x * 8u;
     let end = min(p.n, first + 64u * p.steps);
     let start = (p.rest + first) / 8u;
+    // Read once: the driver would read them in every turn.
+    let q = p;
+#if OP
+    var here = start;
+    for (var i = first; i < end; i += 64u) {
+        let v = lib_wide(a[here]);
+        y[here] = lib_to_wide(costly(${OP}u, q.s, q.t, v[0]), costly(${OP}u, q.s, q.t, v[1]));
+        here += 8u;
+    }
+#else
     if (p.op < UNARY) {
         var at = place(first);
         let step = vec2<u32>(64u / p.b_div % p.b_len, 64u % p.b_div);
@@ -38,28 +49,18 @@ fn main(
         for (var i = first; i < end; i += 64u) {
             let v = lib_wide(a[here]);
             let w = b_at(i, at);
-            y[here] = lib_to_wide(binary(p.op, v[0], w[0]), binary(p.op, v[1], w[1]));
+            y[here] = lib_to_wide(binary(q.op, v[0], w[0]), binary(q.op, v[1], w[1]));
             at = next(at, step);
             here += 8u;
         }
     }
-    if (p.op >= UNARY && p.op < COSTLY) {
+    if (p.op >= UNARY) {
         var here = start;
         for (var i = first; i < end; i += 64u) {
             let v = lib_wide(a[here]);
-            y[here] = lib_to_wide(simple(p.op, v[0]), simple(p.op, v[1]));
+            y[here] = lib_to_wide(simple(q.op, q.s, q.t, v[0]), simple(q.op, q.s, q.t, v[1]));
             here += 8u;
         }
     }
-    // COSTLY and all after it.
-#for op in 13..23
-    if (p.op == ${op}u) {
-        var here = start;
-        for (var i = first; i < end; i += 64u) {
-            let v = lib_wide(a[here]);
-            y[here] = lib_to_wide(costly(${op}u, v[0]), costly(${op}u, v[1]));
-            here += 8u;
-        }
-    }
-#end
+#endif
 }

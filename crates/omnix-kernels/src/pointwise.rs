@@ -1,10 +1,11 @@
-//! `y[i] = op(a[i], b[(i / b.div) % b.len])` over n numbers; one pipeline for all operations.
+//! `y[i] = op(a[i], b[(i / b.div) % b.len])` over n numbers; one pipeline for all operations, on software devices one more for
+//! each costly one that is used.
 //!
 //! The four usual forms of b over a as `[m, c]`: the same shape ([`Operand::same`]), a row `[c]`
 //! ([`Operand::row`]), one number a row `[m]` ([`Operand::column`]), one number ([`Operand::single`]).
 
 use bytemuck::{Pod, Zeroable};
-use omnix_shaders::pointwise as shaders;
+use omnix_shaders::{Shader, pointwise as shaders};
 
 use crate::cover::{cover, room};
 use crate::{Arg, Caps, Dispatch, KernelError, Tier};
@@ -195,6 +196,29 @@ impl Unary {
             Self::Tanh => (22, 0.0, 0.0),
         }
     }
+
+    /// The software variant that computes it.
+    const fn software(self) -> &'static Shader {
+        match self {
+            Self::Reciprocal => &shaders::SOFTWARE_RECIPROCAL,
+            Self::Sqrt => &shaders::SOFTWARE_SQRT,
+            Self::Gelu => &shaders::SOFTWARE_GELU,
+            Self::Silu => &shaders::SOFTWARE_SILU,
+            Self::Sigmoid => &shaders::SOFTWARE_SIGMOID,
+            Self::Softplus => &shaders::SOFTWARE_SOFTPLUS,
+            Self::Exp => &shaders::SOFTWARE_EXP,
+            Self::Log => &shaders::SOFTWARE_LOG,
+            Self::ExpClamped { .. } => &shaders::SOFTWARE_EXP_CLAMPED,
+            Self::Tanh => &shaders::SOFTWARE_TANH,
+            Self::Relu
+            | Self::Neg
+            | Self::Abs
+            | Self::Square
+            | Self::ScaleShift { .. }
+            | Self::Clamp { .. }
+            | Self::Below { .. } => &shaders::SOFTWARE,
+        }
+    }
 }
 
 impl Pointwise {
@@ -226,9 +250,9 @@ impl Pointwise {
     /// When b has no elements, its `div` is 0 or the bounds of a clamp are the wrong way round.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
         let unsupported = |reason: String| KernelError::Unsupported { kernel: "pointwise", reason };
-        let ((op, s, t), b) = match self.op {
-            PointwiseOp::Unary(op) => (op.code(), None),
-            PointwiseOp::Binary(op, b) => ((op as u32, 0.0, 0.0), Some(b)),
+        let ((op, s, t), b, software) = match self.op {
+            PointwiseOp::Unary(op) => (op.code(), None, op.software()),
+            PointwiseOp::Binary(op, b) => ((op as u32, 0.0, 0.0), Some(b), &shaders::SOFTWARE),
         };
         if let PointwiseOp::Unary(Unary::Clamp { low, high } | Unary::ExpClamped { low, high }) = self.op
             && (low > high || low.is_nan() || high.is_nan())
@@ -249,7 +273,7 @@ impl Pointwise {
         // A loop costs a software device less than an invocation; a GPU wants many invocations.
         let looped = if caps.tier == Tier::Gpu { 1 } else { 8 };
         let (shader, lanes, unit, steps) = match caps.tier {
-            Tier::Software if fits(8) => (&shaders::SOFTWARE, 8, 8, 32),
+            Tier::Software if fits(8) => (software, 8, 8, 32),
             _ if fits(4) => (&shaders::VEC4, 64, 4, looped),
             _ => (&shaders::WORDS, 64, 1, looped),
         };
