@@ -37,7 +37,7 @@ fn main(
     let c8 = p.c / 8u;
     let inverse = 1.0 / f32(p.c);
 #for r in 0..$ROWS
-    // Rows past the end read the last row; they are not written.
+    // Rows past the end are the last row, and write the same once more.
     let x$r = min(row0 + ${r}u, p.m - 1u) * c8;
     var mean$r = 0.0;
     var squares$r = 0.0;
@@ -66,29 +66,27 @@ fn main(
     let off$r = mean$r - row_mean$r;
     let scale$r = 1.0 / sqrt(total(fma(off$r * off$r, count, squares$r)) * inverse + p.eps);
 #end
+    let weighted = (p.flags & HAS_WEIGHT) != 0u;
+    let biased = (p.flags & HAS_BIAS) != 0u;
     for (var i = lane; i < c8; i += 8u) {
-        var w = mat2x4<f32>(vec4<f32>(1.0), vec4<f32>(1.0));
-        if ((p.flags & HAS_WEIGHT) != 0u) {
-            w = lib_wide(weight[i]);
-        }
-        var b = mat2x4<f32>();
-        if ((p.flags & HAS_BIAS) != 0u) {
-            b = lib_wide(bias[i]);
-        }
+        let w_at = lib_wide(weight[i]);
+        let b_at = lib_wide(bias[i]);
+#for h in 0..2
+        let w$h = select(vec4<f32>(1.0), w_at[$h], weighted);
+        let b$h = select(vec4<f32>(), b_at[$h], biased);
+#end
 #for r in 0..$ROWS
         let in$r = lib_wide(x[x$r + i]);
 #for h in 0..2
-        let v${r}_$h = (in$r[$h] - vec4<f32>(row_mean$r)) * vec4<f32>(scale$r) * w[$h] + b[$h];
+        let v${r}_$h = (in$r[$h] - vec4<f32>(row_mean$r)) * vec4<f32>(scale$r) * w$h + b$h;
 #end
 #end
 #for r in 0..$ROWS
-        if (row0 + ${r}u < p.m) {
 #if ACT
-            y[x$r + i] = lib_to_wide(lib_activate(v${r}_0, p.act), lib_activate(v${r}_1, p.act));
+        y[x$r + i] = lib_to_wide(lib_activate(v${r}_0, p.act), lib_activate(v${r}_1, p.act));
 #else
-            y[x$r + i] = lib_to_wide(v${r}_0, v${r}_1);
+        y[x$r + i] = lib_to_wide(v${r}_0, v${r}_1);
 #endif
-        }
 #end
     }
 }
