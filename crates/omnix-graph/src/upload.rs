@@ -1,7 +1,7 @@
 //! Parameters on their way to the device: read, packed and written in pieces, the tensors of a piece side by side.
 //!
 //! A software device takes the process's own memory: it is written in place, and beside it only the tensors at hand are in
-//! memory. Other devices copy from staging buffers, of which one is filled while another is copied.
+//! memory. Other devices copy from staging buffers: a piece is packed while the one before is copied.
 
 use std::ops::ControlFlow;
 
@@ -95,7 +95,7 @@ fn in_place(
     Ok(())
 }
 
-/// Writes a buffer through staging memory, of which there are two pieces at a time.
+/// Writes a buffer through staging memory. Two pieces are in memory at a time, and the packed third.
 fn staged(
     gpu: &Gpu,
     buffer: &wgpu::Buffer,
@@ -110,6 +110,7 @@ fn staged(
         fill(&mut packed, source, piece)?;
         // Written at once: parts of a view cannot be sent to other threads (wgpu 30).
         gpu.staging(buffer, offset, bytes(piece))?.copy_from_slice(&packed);
+        drop(packed);
         let copy = gpu.queue.submit([]);
         if let Some(before) = copying.replace(copy) {
             gpu.wait_for(before)?;

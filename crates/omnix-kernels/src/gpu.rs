@@ -47,11 +47,6 @@ const ABSENT_BYTES: u64 = 65_536;
 
 /// Smaller buffers are left to the driver: they share an allocation.
 const IMPORTED_BYTES: u64 = 1 << 20;
-/// What imported buffers can be used for.
-const IMPORTED_USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
-    .union(wgpu::BufferUsages::UNIFORM)
-    .union(wgpu::BufferUsages::COPY_SRC)
-    .union(wgpu::BufferUsages::COPY_DST);
 
 impl Gpu {
     /// Borrows `device` and `queue`. Nothing global is set, but the device-lost callback is taken.
@@ -140,50 +135,58 @@ impl Gpu {
         &self.shared.absent
     }
 
-    /// Creates a buffer of zeros, or says that memory ran out. One for shaders and copies lies in the program's memory where the
-    /// device can import that ([`Gpu::imports`]).
+    /// Creates a buffer of zeros, or says that memory ran out. A large one lies in the program's memory where the device imports that
+    /// ([`Gpu::imports`]).
     ///
     /// # Errors
     /// [`KernelError::OutOfMemory`] with `what` and the size.
     pub fn buffer(&self, what: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, KernelError> {
-        if self.imports() && bytes >= IMPORTED_BYTES && !usage.intersects(IMPORTED_USAGE.complement()) {
+        let mapped = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::MAP_WRITE;
+        if self.imports() && bytes >= IMPORTED_BYTES && !usage.intersects(mapped) {
             let memory = self.host_memory(what, bytes)?;
-            memory.populate();
-            return self.import(what, memory, usage);
+            memory.populate().map_err(|_| KernelError::OutOfMemory { what: what.to_owned(), bytes })?;
+            if let Ok(buffer) = host_memory::import(&self.device, what, memory, usage) {
+                return Ok(buffer);
+            }
         }
-        self.create(&wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false })
+        self.create(what, bytes, usage)
     }
 
-    /// Whether [`Gpu::import`] is to be had: the shaders run on the processor, in its memory, and the Vulkan device was opened by
-    /// [`crate::adapter`] or by a host with `VK_EXT_external_memory_host`.
+    /// Whether [`Gpu::import`] copies nothing: the shaders run on the processor, in its memory, and the Vulkan device was opened by
+    /// [`crate::adapter`] or by a host with `VK_EXT_external_memory_host`, on Linux.
     #[must_use]
     pub fn imports(&self) -> bool {
         self.shared.imports
     }
 
-    /// Zeroed memory for a buffer.
+    /// Zeroed memory for a buffer, `bytes` a multiple of 4.
     ///
     /// # Errors
-    /// [`KernelError::OutOfMemory`].
+    /// [`KernelError::OutOfMemory`], also when it is more than a buffer can have.
     pub fn host_memory(&self, what: &str, bytes: u64) -> Result<HostMemory, KernelError> {
         self.check_size(what, bytes)?;
         HostMemory::zeroed(bytes).map_err(|_| KernelError::OutOfMemory { what: what.to_owned(), bytes })
     }
 
-    /// Makes memory and what the program has written to it a buffer, without a copy. Asks for [`Gpu::imports`].
+    /// Makes memory and what the program has written to it a buffer; by a copy where the device does not import.
     ///
     /// # Errors
-    /// [`KernelError::OutOfMemory`] when the driver refuses.
+    /// [`KernelError::OutOfMemory`].
     pub fn import(
         &self,
         what: &str,
         memory: HostMemory,
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, KernelError> {
-        let bytes = memory.len() as u64;
-        let buffer = host_memory::import(&self.device, what, memory, usage);
+        let imported =
+            if self.imports() { host_memory::import(&self.device, what, memory, usage) } else { Err(memory) };
         self.check_lost()?;
-        buffer.ok_or_else(|| KernelError::OutOfMemory { what: what.to_owned(), bytes })
+        imported.or_else(|memory| {
+            let bytes = memory.len() as u64;
+            let buffer = self.create(what, bytes, usage | wgpu::BufferUsages::COPY_DST)?;
+            self.queue.write_buffer(&buffer, 0, &memory);
+            Ok(buffer)
+        })
     }
 
     fn check_size(&self, what: &str, bytes: u64) -> Result<(), KernelError> {
@@ -191,15 +194,16 @@ impl Gpu {
         fits.then_some(()).ok_or_else(|| KernelError::OutOfMemory { what: what.to_owned(), bytes })
     }
 
-    fn create(&self, descriptor: &wgpu::BufferDescriptor<'_>) -> Result<wgpu::Buffer, KernelError> {
-        let what = descriptor.label.unwrap_or_default();
-        self.check_size(what, descriptor.size)?;
+    /// A buffer in the driver's memory.
+    fn create(&self, what: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, KernelError> {
+        self.check_size(what, bytes)?;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let buffer = self.device.create_buffer(descriptor);
+        let descriptor = wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
+        let buffer = self.device.create_buffer(&descriptor);
         let error = pollster::block_on(scope.pop());
         // A lost device gives a buffer that is none.
         self.check_lost()?;
-        error.map_or(Ok(buffer), |_| Err(KernelError::OutOfMemory { what: what.to_owned(), bytes: descriptor.size }))
+        error.map_or(Ok(buffer), |_| Err(KernelError::OutOfMemory { what: what.to_owned(), bytes }))
     }
 
     /// Memory to write to, which is copied to `bytes` of `buffer` from `offset` on by the submission after it is dropped.

@@ -6,7 +6,9 @@
 //! (`VK_EXT_external_memory_host`). On Linux; elsewhere no device imports.
 
 use std::io;
+use std::num::NonZero;
 use std::ops::{Deref, DerefMut};
+use std::thread::available_parallelism;
 
 use memmap2::{MmapMut, MmapOptions};
 
@@ -36,25 +38,50 @@ impl HostMemory {
         let too_much = |_| io::Error::from(io::ErrorKind::OutOfMemory);
         let length = usize::try_from(round_up(bytes, PAGE) + HUGE_PAGE).map_err(too_much)?;
         let map = MmapOptions::new().len(length).map_anon()?;
-        let start = map.as_ptr().align_offset(HUGE_PAGE as usize);
+        let at = map.as_ptr().addr();
+        let start = at.next_multiple_of(HUGE_PAGE as usize) - at;
         let bytes = bytes as usize;
-        // Whole ones only: the last would take memory that nobody planned. Where the system has none it only takes longer.
+        // Whole ones only: the last would take memory that nobody planned. Where the system refuses it only takes longer.
         #[cfg(target_os = "linux")]
-        let _ = map.advise_range(memmap2::Advice::HugePage, start, bytes - bytes % HUGE_PAGE as usize);
+        {
+            let whole = bytes - bytes % HUGE_PAGE as usize;
+            let rest = start + whole;
+            let _ = map.advise_range(memmap2::Advice::HugePage, start, whole);
+            let _ = map.advise_range(memmap2::Advice::NoHugePage, rest, length - rest);
+        }
         Ok(Self { map, start, bytes })
     }
 
     /// Makes all pages now, on all processors: at first use in a shader one processor clears a page that the others wait for.
-    pub(crate) fn populate(&self) {
-        #[cfg(target_os = "linux")]
-        {
-            use rayon::prelude::*;
-            (0..self.bytes).into_par_iter().step_by(HUGE_PAGE as usize).for_each(|at| {
-                let length = (self.bytes - at).min(HUGE_PAGE as usize);
-                // Not known before Linux 5.14, where it only takes longer.
-                let _ = self.map.advise_range(memmap2::Advice::PopulateWrite, self.start + at, length);
-            });
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn populate(&self) -> io::Result<()> {
+        let share = self.bytes.div_ceil(available_parallelism().map_or(1, NonZero::get));
+        let share = share.next_multiple_of(HUGE_PAGE as usize);
+        // Threads of its own: rayon's might run other work meanwhile, of a caller that holds a lock.
+        std::thread::scope(|scope| {
+            let others: Vec<_> =
+                (share..self.bytes).step_by(share).map(|at| scope.spawn(move || self.touch(at, share))).collect();
+            let first = self.touch(0, share);
+            others.into_iter().map(|thread| thread.join().unwrap_or(Ok(()))).fold(first, Result::and)
+        })
+    }
+
+    /// Makes the pages of up to `length` bytes from `at` on.
+    #[cfg(target_os = "linux")]
+    fn touch(&self, at: usize, length: usize) -> io::Result<()> {
+        let length = length.min(self.bytes - at);
+        match self.map.advise_range(memmap2::Advice::PopulateWrite, self.start + at, length) {
+            Err(error) if error.kind() == io::ErrorKind::OutOfMemory => Err(error),
+            // Not known before Linux 5.14, where first use makes them.
+            _ => Ok(()),
         }
+    }
+
+    #[cfg(not(target_os = "linux"))]
+    fn touch(&self, _: usize, _: usize) -> io::Result<()> {
+        Ok(())
     }
 }
 
@@ -86,8 +113,13 @@ mod none {
         false
     }
 
-    pub(crate) fn import(_: &wgpu::Device, _: &str, _: HostMemory, _: wgpu::BufferUsages) -> Option<wgpu::Buffer> {
-        None
+    pub(crate) fn import(
+        _: &wgpu::Device,
+        _: &str,
+        memory: HostMemory,
+        _: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, HostMemory> {
+        Err(memory)
     }
 }
 #[cfg(not(target_os = "linux"))]
@@ -101,7 +133,7 @@ mod tests {
     fn memory_is_zeros_at_a_huge_page_of_any_size() {
         for bytes in [1, 4096, 4097, HUGE_PAGE - 1, HUGE_PAGE + 1, 3 * HUGE_PAGE] {
             let mut memory = HostMemory::zeroed(bytes).expect("little memory");
-            memory.populate();
+            memory.populate().expect("little memory");
             assert_eq!((memory.len() as u64, memory.as_ptr() as u64 % HUGE_PAGE), (bytes, 0));
             assert!(memory.iter().all(|byte| *byte == 0));
             memory.fill(1);

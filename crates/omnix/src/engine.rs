@@ -65,7 +65,8 @@ impl Engine {
     }
 
     /// Features that make the engine faster where the adapter has them; none is required. A software Vulkan device that is opened
-    /// with the extension `VK_EXT_external_memory_host` too, as omnix opens its own on Linux, saves memory and time while weights are loaded.
+    /// with the extension `VK_EXT_external_memory_host` too, as omnix opens its own on Linux, takes weights and intermediates from the
+    /// program's memory; others get weights by copies.
     #[must_use]
     pub fn wanted_features() -> wgpu::Features {
         adapter::wanted_features()
