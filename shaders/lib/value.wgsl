@@ -1,5 +1,6 @@
 // What kernels over large tensors compute with (Value) and how a buffer holds it (Stored): a number, with VEC4 four of them,
-// and with QUAD four as the two 64-bit words of lib/quad, which cost a software rasteriser half as much, with WIDE two times four.
+// and with QUAD four as the two 64-bit words of lib/quad, which cost a software rasteriser half as much, with WIDE two times four,
+// with PAIR two as one word.
 #if WIDE
 #import quad
 alias Value = mat2x4<f32>;
@@ -26,6 +27,19 @@ fn lib_stored(v: Value) -> Stored {
     return lib_to_quad(v);
 }
 #else
+#if PAIR
+alias Value = vec2<f32>;
+alias Stored = u64;
+
+fn lib_value(w: Stored) -> Value {
+    return bitcast<vec2<f32>>(vec2<u32>(u32(w), u32(w >> 32u)));
+}
+
+fn lib_stored(v: Value) -> Stored {
+    let bits = bitcast<vec2<u32>>(v);
+    return u64(bits.x) | (u64(bits.y) << 32u);
+}
+#else
 #if VEC4
 alias Value = vec4<f32>;
 #else
@@ -40,5 +54,6 @@ fn lib_value(v: Stored) -> Value {
 fn lib_stored(v: Value) -> Stored {
     return v;
 }
+#endif
 #endif
 #endif

@@ -4,7 +4,7 @@
 // (lib/value) at a time; where those are fewer than 8, several pairs of rows go side by side. Columns of x are blended vertically
 // first and kept, so that pixels of y between the same two columns share the loads, as the two rows share a row of x that both need:
 // loads cost more than anything else.
-// QUAD needs c to be a multiple of 4, WIDE of 8, and gains only where no lane is without channels.
+// PAIR needs c to be a multiple of 2, QUAD of 4, WIDE of 8, which gains only where no lane is without channels.
 #import resize_params
 #import grid
 #import value

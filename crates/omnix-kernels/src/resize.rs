@@ -291,11 +291,13 @@ impl Resize {
         // A variant, and the channels that it takes at a time. A code changes in the middle of them.
         let parts = if self.code { 2 } else { 1 };
         let fours = self.c.is_multiple_of(4 * parts);
+        let pairs = self.c.is_multiple_of(2 * parts);
         // Eights where they leave no lane idle.
         let eights = self.c.is_multiple_of(64) || self.c.is_multiple_of(8 * parts) && self.c.is_power_of_two();
         let (shader, unit) = match (bilinear, fours) {
             (true, _) if walks && eights => (&shaders::SOFTWARE8, 8),
             (true, true) if walks => (&shaders::SOFTWARE, 4),
+            (true, false) if walks && pairs => (&shaders::SOFTWARE2, 2),
             (true, false) if walks => (&shaders::SOFTWARE1, 1),
             (true, true) => (&shaders::BILINEAR4, 4),
             (true, false) => (&shaders::BILINEAR, 1),
