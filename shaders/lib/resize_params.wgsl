@@ -53,3 +53,13 @@ fn lib_coordinate(o: u32, a: u32, b: u32, d: u32) -> Coordinate {
     }
     return Coordinate(cell, f32(n - q * d) / f32(d));
 }
+
+// Keys' weights of the cells -1, 0, 1, 2 around a fraction.
+fn lib_cubic(t: f32) -> vec4<f32> {
+    let s = 1.0 - t;
+    return vec4<f32>(
+        -0.75 * t * s * s,
+        (1.25 * t - 2.25) * t * t + 1.0,
+        (1.25 * s - 2.25) * s * s + 1.0,
+        -0.75 * s * t * t);
+}

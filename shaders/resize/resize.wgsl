@@ -7,7 +7,7 @@
 // 4 bytes each, and 4 written) and reads 16 from L1, which delivers 8 to 20 times what memory does: memory bounds, at a
 // tenth of an operation's time for 6 operations a number, and neighbouring invocations read neighbouring vec4. Workgroup memory
 // or shuffles would move the same 16 bytes through the same unit and add a barrier; f16 could only round what is f32 in
-// memory on both sides. Bicubic reads 64 bytes from L1 a number, but only for position codes, once a plan. About 32
+// memory on both sides. Bicubic reads 64 bytes from L1 a number, but only for the position table. About 32
 // registers, no workgroup memory: full occupancy.
 #import resize_params
 #import grid
@@ -30,18 +30,6 @@ fn tap(frame: u32, iy: i32, ix: i32, c: u32) -> Value {
     return x[p.x_rest + (row * p.wi + u32(clamp(ix, 0, i32(p.wi) - 1))) * p.c + c];
 }
 
-#if CUBIC
-// Keys' weights of the cells -1, 0, 1, 2 around a fraction.
-fn cubic(t: f32) -> vec4<f32> {
-    let s = 1.0 - t;
-    return vec4<f32>(
-        -0.75 * t * s * s,
-        (1.25 * t - 2.25) * t * t + 1.0,
-        (1.25 * s - 2.25) * s * s + 1.0,
-        -0.75 * s * t * t);
-}
-#endif
-
 @compute @workgroup_size(64)
 fn main(
     @builtin(local_invocation_id) local: vec3<u32>,
@@ -60,8 +48,8 @@ fn main(
     let v = lib_coordinate(p.oy0 + row, p.y_a, p.y_b, p.y_d);
     let h = lib_coordinate(inside - row * p.wo, p.x_a, p.x_b, p.x_d);
 #if CUBIC
-    let wy = cubic(v.fraction);
-    let wx = cubic(h.fraction);
+    let wy = lib_cubic(v.fraction);
+    let wx = lib_cubic(h.fraction);
     var sum = Value(0.0);
 #for j in 0..4
     sum += wy[$j] * (wx.x * tap(frame, v.cell + ${j-1}, h.cell - 1, c) + wx.y * tap(frame, v.cell + ${j-1}, h.cell, c)

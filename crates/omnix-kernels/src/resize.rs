@@ -176,7 +176,7 @@ impl Axis {
     }
 }
 
-/// Output columns, of two rows, that a workgroup of the software variant owns (`STRIP` in the sidecar file).
+/// Output columns, of one or two rows, that a workgroup of the software variants owns (`STRIP` in the sidecar file).
 const SOFTWARE_STRIP: u64 = 64;
 
 impl Resize {
@@ -287,30 +287,38 @@ impl Resize {
         let (code, code_rest) =
             if self.code { cover(CODE, 0, (wo + ho) * (c / 2), caps) } else { (Arg::ABSENT.into(), 0) };
         let bilinear = self.filter == Filter::Bilinear;
-        let walks = bilinear && caps.tier == Tier::Software;
         // A variant, and the channels that it takes at a time. A code changes in the middle of them.
         let parts = if self.code { 2 } else { 1 };
-        let fours = self.c.is_multiple_of(4 * parts);
         let pairs = self.c.is_multiple_of(2 * parts);
+        let fours = self.c.is_multiple_of(4 * parts);
         // Eights where they leave no lane idle.
         let eights = self.c.is_multiple_of(64) || self.c.is_multiple_of(8 * parts) && self.c.is_power_of_two();
-        let (shader, unit) = match (bilinear, fours) {
-            (true, _) if walks && eights => (&shaders::SOFTWARE8, 8),
-            (true, true) if walks => (&shaders::SOFTWARE, 4),
-            (true, false) if walks && pairs => (&shaders::SOFTWARE2, 2),
-            (true, false) if walks => (&shaders::SOFTWARE1, 1),
-            (true, true) => (&shaders::BILINEAR4, 4),
-            (true, false) => (&shaders::BILINEAR, 1),
-            (false, true) => (&shaders::BICUBIC4, 4),
-            (false, false) => (&shaders::BICUBIC, 1),
+        let software = caps.tier == Tier::Software;
+        // Rows of output that a lane walks along; 0 where an invocation owns what it takes at a time.
+        let (shader, unit, walked) = match self.filter {
+            Filter::Bilinear if software && eights => (&shaders::SOFTWARE8, 8, 2),
+            Filter::Bilinear if software && fours => (&shaders::SOFTWARE, 4, 2),
+            Filter::Bilinear if software && pairs => (&shaders::SOFTWARE2, 2, 2),
+            Filter::Bilinear if software => (&shaders::SOFTWARE1, 1, 2),
+            Filter::Bilinear if fours => (&shaders::BILINEAR4, 4, 0),
+            Filter::Bilinear => (&shaders::BILINEAR, 1, 0),
+            // From column to column of x; where it shrinks to less than a quarter, most would be loaded for nothing.
+            Filter::Bicubic if software && fours && !self.code && x_axis.a <= 4 * x_axis.d => {
+                if eights {
+                    (&shaders::CUBIC8, 8, 1)
+                } else {
+                    (&shaders::CUBIC, 4, 1)
+                }
+            }
+            Filter::Bicubic if fours => (&shaders::BICUBIC4, 4, 0),
+            Filter::Bicubic => (&shaders::BICUBIC, 1, 0),
         };
         // Lanes that share a pixel: the rest of the 8 take other rows, so that all have work.
         let units = c / u64::from(unit);
         let lanes = if units >= 8 { 8 } else { 1 << units.trailing_zeros() };
-        let groups = if walks {
-            (frames * rows.div_ceil(2)).div_ceil(8 / lanes) * wo.div_ceil(SOFTWARE_STRIP)
-        } else {
-            (pixels * c / u64::from(unit)).div_ceil(64)
+        let groups = match walked {
+            0 => (pixels * c / u64::from(unit)).div_ceil(64),
+            walked => (frames * rows.div_ceil(walked)).div_ceil(8 / lanes) * wo.div_ceil(SOFTWARE_STRIP),
         };
         let params = ResizeParams {
             pixels: pixels as u32,
