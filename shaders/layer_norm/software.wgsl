@@ -69,6 +69,7 @@ fn main(
     let weighted = (p.flags & HAS_WEIGHT) != 0u;
     let biased = (p.flags & HAS_BIAS) != 0u;
     for (var i = lane; i < c8; i += 8u) {
+        // Without them this reads the buffer for absent arguments; a branch would cost more.
         let w_at = lib_wide(weight[i]);
         let b_at = lib_wide(bias[i]);
 #for h in 0..2

@@ -14,7 +14,7 @@ struct Params {
     wo: u32,
     hi: u32,
     wi: u32,
-    // Channels, in the unit of the variant (numbers, fours or eights).
+    // Channels, in the unit of the variant (numbers, twos, fours or eights).
     c: u32,
     y_a: u32,
     y_b: u32,

@@ -146,6 +146,7 @@ impl Gpu {
             let memory = self.host_memory(what, bytes)?;
             memory.populate().map_err(|_| KernelError::OutOfMemory { what: what.to_owned(), bytes })?;
             if let Ok(buffer) = host_memory::import(&self.device, what, memory, usage) {
+                self.check_lost()?;
                 return Ok(buffer);
             }
         }

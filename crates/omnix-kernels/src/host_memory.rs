@@ -8,7 +8,7 @@
 use std::io;
 use std::num::NonZero;
 use std::ops::{Deref, DerefMut};
-use std::thread::available_parallelism;
+use std::thread::{Builder, available_parallelism};
 
 use memmap2::{MmapMut, MmapOptions};
 
@@ -61,8 +61,9 @@ impl HostMemory {
         let share = share.next_multiple_of(HUGE_PAGE as usize);
         // Threads of its own: rayon's might run other work meanwhile, of a caller that holds a lock.
         std::thread::scope(|scope| {
-            let others: Vec<_> =
-                (share..self.bytes).step_by(share).map(|at| scope.spawn(move || self.touch(at, share))).collect();
+            // Where no thread is to be had, first use makes the pages.
+            let touch = |at| Builder::new().spawn_scoped(scope, move || self.touch(at, share)).ok();
+            let others: Vec<_> = (share..self.bytes).step_by(share).filter_map(touch).collect();
             let first = self.touch(0, share);
             others.into_iter().map(|thread| thread.join().unwrap_or(Ok(()))).fold(first, Result::and)
         })
