@@ -20,7 +20,7 @@ struct Entry {
     file: String,
     color_file: String,
     index: usize,
-    scale: f32,
+    scale: f64,
     depth_min: Option<f32>,
     depth_max: Option<f32>,
     invalid_pixels: usize,
@@ -94,20 +94,21 @@ impl Sink for DepthSink {
     }
 }
 
-/// The smallest power of two with which `max` fits 16 bits: exact in any number format, and mostly the same for neighbours.
-fn scale_for(max: f32) -> f32 {
+/// The smallest power of two with which `max` fits 16 bits: exact in any number format, and mostly the same for neighbours. In f64,
+/// whose shortest decimals are all of its digits: those of an f32 are rounded, and not by every library alike.
+fn scale_for(max: f32) -> f64 {
     let exponent = (f64::from(max) / 65535.0).log2().ceil().clamp(-126.0, 127.0);
     let scale = exponent.exp2();
     // The logarithm may be off by its last bit just below a power of two.
-    (if f64::from(max) > 65535.0 * scale { 2.0 * scale } else { scale }) as f32
+    if f64::from(max) > 65535.0 * scale { 2.0 * scale } else { scale }
 }
 
 /// 0 for no depth; every real depth is at least 1.
-fn quantise(depth: f32, scale: f32) -> u16 {
+fn quantise(depth: f32, scale: f64) -> u16 {
     if !(depth.is_finite() && depth > 0.0) {
         return 0;
     }
-    (f64::from(depth) / f64::from(scale)).round().clamp(1.0, 65535.0) as u16
+    (f64::from(depth) / scale).round().clamp(1.0, 65535.0) as u16
 }
 
 /// A whole PNG file in memory; `bytes` in the machine's byte order.
@@ -157,11 +158,15 @@ mod tests {
     fn scale_fits_and_is_a_power_of_two() {
         for max in [1e-30f32, 0.3, 1.0, 65535.0, 65536.0, 1e9, 0.999_99 * 65535.0 / 4.0, f32::MAX] {
             let scale = scale_for(max);
-            assert!(f64::from(max) <= 65535.0 * f64::from(scale), "{max} {scale}");
-            assert!(f64::from(max) > 65535.0 * f64::from(scale) / 2.0 - 1e-6, "{max} {scale} wastes a bit");
-            assert_eq!(scale.to_bits() & 0x7f_ffff, 0, "{scale} is no power of two");
+            assert!(f64::from(max) <= 65535.0 * scale, "{max} {scale}");
+            assert!(f64::from(max) > 65535.0 * scale / 2.0 - 1e-6, "{max} {scale} wastes a bit");
+            assert_eq!(scale.to_bits() << 12, 0, "{scale} is no power of two");
+            // As the PNG and the list beside it say it.
+            for text in [scale.to_string(), serde_json::to_string(&scale).expect("a number")] {
+                assert_eq!(text.parse(), Ok(scale), "{text}");
+            }
         }
-        assert_eq!(scale_for(65535.0), 1.0);
+        assert_eq!((scale_for(65535.0), scale_for(10.0).to_string().as_str()), (1.0, "0.000244140625"));
         assert_eq!((quantise(0.0, 1.0), quantise(f32::NAN, 1.0), quantise(1e-9, 1.0)), (0, 0, 1));
     }
 }
