@@ -28,6 +28,22 @@ fn values_of_one_node_never_share_a_buffer() {
 }
 
 #[test]
+fn a_value_moves_to_another_buffer_to_make_room() {
+    use omnix_kernels::resize::{Corners, Filter};
+
+    // Each value lives until the next is made. Largest first, the last two maps take a buffer each and the first goes to one of
+    // them; the second meets the first there and a large one in the other, until the first moves.
+    let mut g = Graph::new();
+    let mut x = g.input("x", [1, 2, 2, 64]);
+    for side in [24, 16, 32, 32, 4] {
+        x = g.resize(x, side, side, Filter::Bilinear, Corners::HalfPixel).expect("records");
+    }
+    g.output(x, "y");
+    let plan = Plan::new(&g, &Caps::baseline(), &PlanOptions::default()).expect("plans");
+    assert_eq!(plan.memory.arena, [32 * 32 * 64 * 4; 2]);
+}
+
+#[test]
 fn int8_is_for_linear_layers_and_counts_a_byte_a_weight() {
     let mut g = Graph::new();
     let x = g.input("x", [1, 8, 8, 64]);

@@ -58,6 +58,12 @@ struct Life {
     to: usize,
 }
 
+impl Life {
+    fn meets(&self, other: &Life) -> bool {
+        self.from <= other.to && other.from <= self.to
+    }
+}
+
 /// Assigns buffers when every chain goes in about `parts` parts.
 ///
 /// # Errors
@@ -172,19 +178,56 @@ fn used_roots(graph: &Graph) -> Vec<bool> {
     used
 }
 
-/// Greedy by size over shared objects.
+/// Greedy by size over shared objects. Where none is free, others make room in one if they fit elsewhere.
 fn share(plan: &mut MemoryPlan, mut lives: Vec<Life>) {
     lives.sort_by(|a, b| b.bytes.cmp(&a.bytes).then(a.root.cmp(&b.root)));
-    let mut tenants: Vec<Vec<(usize, usize)>> = Vec::new();
-    for life in lives {
-        let free = |spans: &Vec<(usize, usize)>| spans.iter().all(|(from, to)| life.to < *from || *to < life.from);
-        // Sorted by size: every buffer so far is large enough, and the last that is free is the tightest.
-        let buffer = tenants.iter().rposition(free).unwrap_or_else(|| {
-            tenants.push(Vec::new());
-            plan.arena.push(life.bytes);
-            tenants.len() - 1
+    // Sorted by size: every buffer so far is large enough for the value at hand, and the last that is free is the tightest.
+    let mut buffers: Vec<Shared<'_>> = Vec::new();
+    for life in &lives {
+        let free = buffers.iter().rposition(|buffer| buffer.takes(life));
+        let buffer = free.or_else(|| make_room(&mut buffers, life)).unwrap_or_else(|| {
+            buffers.push(Shared { bytes: life.bytes, tenants: Vec::new() });
+            buffers.len() - 1
         });
-        tenants[buffer].push((life.from, life.to));
-        plan.places[life.root] = Place::Arena(buffer);
+        buffers[buffer].tenants.push(life);
     }
+    for (i, buffer) in buffers.iter().enumerate() {
+        plan.arena.push(buffer.bytes);
+        buffer.tenants.iter().for_each(|life| plan.places[life.root] = Place::Arena(i));
+    }
+}
+
+/// A shared buffer and the values that live in it one after another.
+struct Shared<'a> {
+    bytes: u64,
+    tenants: Vec<&'a Life>,
+}
+
+impl Shared<'_> {
+    fn takes(&self, life: &Life) -> bool {
+        life.bytes <= self.bytes && !self.tenants.iter().any(|tenant| tenant.meets(life))
+    }
+}
+
+/// A buffer from which all that are alive with `life` could move to others, and did.
+fn make_room(buffers: &mut [Shared<'_>], life: &Life) -> Option<usize> {
+    (0..buffers.len()).rev().find(|&at| {
+        let leaving: Vec<&Life> = buffers[at].tenants.iter().copied().filter(|tenant| tenant.meets(life)).collect();
+        let mut moved = Vec::with_capacity(leaving.len());
+        for tenant in &leaving {
+            let Some(to) = (0..buffers.len()).rev().find(|to| *to != at && buffers[*to].takes(tenant)) else { break };
+            buffers[to].tenants.push(tenant);
+            moved.push(to);
+        }
+        let all = moved.len() == leaving.len();
+        if all {
+            buffers[at].tenants.retain(|tenant| !tenant.meets(life));
+        } else {
+            // Back to where they were: each was the last to come.
+            for to in moved.into_iter().rev() {
+                buffers[to].tenants.pop();
+            }
+        }
+        all
+    })
 }
