@@ -9,6 +9,10 @@ use memmap2::Mmap;
 
 use crate::WeightsError;
 
+/// Linux maps so much, aligned, around a page that is asked for. What a neighbour reads meanwhile comes back at once.
+#[cfg(unix)]
+const AROUND: usize = 64 << 10;
+
 /// The bytes of one file.
 #[derive(Debug)]
 pub(crate) enum Bytes {
@@ -31,12 +35,13 @@ impl Bytes {
 }
 
 impl Bytes {
-    /// Gives back the memory of pages that were read for `range`; a later access reads them from the file again. Without
-    /// it a checkpoint that is looked through once stays in the process's memory whole.
+    /// Gives back the memory of pages that were read for `range`, and of those that came with them; a later access reads
+    /// them from the file again. Without it a checkpoint that is looked through once stays in the process's memory whole.
     pub(crate) fn release(&self, range: Range<usize>) {
         #[cfg(unix)]
         if let Self::Mapped(map) = self {
-            release_pages(map, range);
+            let start = range.start - range.start % AROUND;
+            release_pages(map, start..range.end.next_multiple_of(AROUND).min(map.len()));
         }
         #[cfg(not(unix))]
         let _ = range;
