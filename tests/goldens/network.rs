@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-use omnix::graph::exec::Bindings;
-use omnix::graph::{Executable, Graph, Plan, PlanOptions, WeightStore};
+use omnix::graph::{Bindings, Executable, Graph, Plan, PlanOptions, WeightStore};
 use omnix::model::{BackboneSpec, HeadSpec, ModelError};
 use omnix::{Camera, OmnixError, ReferenceChoice, WeightType, Weights};
 use omnix_tests::gpu;

@@ -7,5 +7,6 @@ mod fusion;
 mod memory;
 mod motion;
 mod operations;
+mod stream;
 mod support;
 mod upload;

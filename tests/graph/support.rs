@@ -3,8 +3,7 @@
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 
-use omnix_graph::exec::Bindings;
-use omnix_graph::{Executable, Graph, ParameterSource, Plan, PlanOptions, Value, WeightStore};
+use omnix_graph::{Bindings, Executable, Graph, ParameterSource, Plan, PlanOptions, Tensors, Value, WeightStore};
 use omnix_kernels::Gpu;
 use omnix_tests::Rng;
 
@@ -41,7 +40,7 @@ pub(crate) fn run(gpu: &Gpu, graph: &Graph, options: &PlanOptions) -> Vec<f32> {
 }
 
 /// Seeds every input by its name.
-pub(crate) fn feed(executable: &Executable, graph: &Graph) {
+pub(crate) fn feed(executable: &Tensors, graph: &Graph) {
     for (_, info) in graph.values() {
         if matches!(info.source, omnix_graph::graph::Source::Input) {
             let data = Rng::new(info.name.len() as u64).normal(info.shape.elements());

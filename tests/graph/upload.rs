@@ -11,7 +11,7 @@ use omnix_tests::gpu;
 use crate::support::{Seeded, run};
 
 /// Layers of 12 and 25 MB and small vectors: several pieces, of one tensor and of more.
-fn layers() -> Graph {
+pub(crate) fn layers() -> Graph {
     let mut g = Graph::new();
     let mut x = g.input("x", [5, 768]);
     for (name, [out, inputs]) in [("a", [4096, 768]), ("b", [1536, 4096]), ("c", [2048, 1536]), ("d", [33, 2048])] {
@@ -24,7 +24,7 @@ fn layers() -> Graph {
 }
 
 /// The same adapter as a host would open it that does not know of imports.
-fn lent() -> Gpu {
+pub(crate) fn lent() -> Gpu {
     let wanted = std::env::var("OMNIX_DEVICE").ok();
     let adapter = adapter::choose(wanted.as_deref()).expect("a device");
     let descriptor = wgpu::DeviceDescriptor {
@@ -80,7 +80,7 @@ fn written_memory_becomes_a_buffer_by_import_or_by_copy() {
 }
 
 /// A source that cannot read what belongs to some layers.
-struct Damaged<'a>(Seeded<'a>, &'static [&'static str]);
+pub(crate) struct Damaged<'a>(pub(crate) Seeded<'a>, pub(crate) &'static [&'static str]);
 
 impl ParameterSource for Damaged<'_> {
     fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>> {

@@ -7,6 +7,10 @@ use omnix_model::{BackboneSpec, HeadSpec, Network, NetworkConfig, ReferenceChoic
 const GRID: (usize, usize) = (20, 36);
 
 fn backbone(config: NetworkConfig, images: usize, parts: usize) -> Plan {
+    backbone_with(config, images, &PlanOptions { parts, ..PlanOptions::default() })
+}
+
+fn backbone_with(config: NetworkConfig, images: usize, options: &PlanOptions) -> Plan {
     let spec = BackboneSpec {
         images,
         grid: GRID,
@@ -17,7 +21,7 @@ fn backbone(config: NetworkConfig, images: usize, parts: usize) -> Plan {
     };
     let mut g = Graph::new();
     Network::new(config).backbone(&mut g, &spec).unwrap();
-    Plan::new(&g, &Caps::lavapipe(), &PlanOptions { parts, ..PlanOptions::default() }).unwrap()
+    Plan::new(&g, &Caps::lavapipe(), options).unwrap()
 }
 
 fn head(config: NetworkConfig, rays: bool) -> Plan {
@@ -68,4 +72,19 @@ fn chunks_leave_five_streams_in_memory() {
     assert!(arena(&cut) < stream * 6, "{} MiB", arena(&cut) >> 20);
     assert!(arena(&whole) > 2 * arena(&cut));
     assert_eq!(whole.flops(), cut.flops());
+}
+
+/// Weights that pass through: a few matrices; where chains go in chunks, those of half a block. Chains that end more often cost no
+/// memory of their own.
+#[test]
+fn a_giant_network_holds_few_of_its_weights() {
+    for parts in [1, 64] {
+        let options = PlanOptions { parts, ..PlanOptions::default() };
+        let plan = |streamed| backbone_with(NetworkConfig::giant(), 16, &PlanOptions { streamed, ..options });
+        let (stay, pass) = (plan(false), plan(true));
+        let (passing, all) = (pass.streamed_weight_bytes(), pass.weight_bytes());
+        assert!(passing * 30 < all, "{} of {} MiB in {parts} parts", passing >> 20, all >> 20);
+        assert_eq!(all, stay.weight_bytes());
+        assert!(pass.working_bytes() <= stay.working_bytes(), "{} MiB", pass.working_bytes() >> 20);
+    }
 }

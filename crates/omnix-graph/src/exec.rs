@@ -1,26 +1,21 @@
 //! A plan on a device: buffers, bind groups, and the encoding of a run.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::{ControlFlow, Deref, Range};
 
-use omnix_kernels::dispatch::round_up;
-use omnix_kernels::{BufferSlice, Dispatch, Gpu, Program, run};
-use rustc_hash::FxHashMap;
+use omnix_kernels::{Gpu, Program};
 
 use crate::error::GraphError;
-use crate::graph::{Source, Value};
-use crate::memory::Place;
 use crate::plan::{Plan, node_flops};
-use crate::record::{Recorded, Slot, record};
+use crate::record::{Recorded, record};
+
+use crate::tensors::{Bindings, Tensors};
 use crate::weights::WeightStore;
 
-/// A plan with its memory on a device; run it as often as you like.
+/// A plan with its memory on a device and weights that stay there; run it as often as you like.
 #[derive(Debug)]
 pub struct Executable {
-    gpu: Gpu,
-    plan: Plan,
+    tensors: Tensors,
     program: Program,
-    /// Buffer of each value's root, where it has one.
-    buffers: Vec<Option<BufferSlice>>,
     /// The kernel calls in order.
     pieces: Vec<Piece>,
 }
@@ -35,17 +30,8 @@ pub(crate) struct Piece {
     pub(crate) flops: u64,
 }
 
-/// Buffers the host owns, for inputs and outputs by name; what is not named here is allocated.
-pub type Bindings = FxHashMap<String, BufferSlice>;
-
 /// About as many operations go into one submission: half a second on a slow software device.
 const FLOPS_PER_SUBMIT: u64 = 10_000_000_000;
-
-/// What every tensor's buffer can be used for.
-const USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
-    .union(wgpu::BufferUsages::UNIFORM)
-    .union(wgpu::BufferUsages::COPY_SRC)
-    .union(wgpu::BufferUsages::COPY_DST);
 
 impl Executable {
     /// Allocates the plan's buffers and makes its pipelines and bind groups.
@@ -54,107 +40,16 @@ impl Executable {
     /// When memory runs out, a pipeline cannot be made, or a host buffer in `bindings` is too small.
     pub fn new(gpu: &Gpu, plan: Plan, weights: &WeightStore, bindings: &Bindings) -> Result<Self, GraphError> {
         let recorded = record(&plan)?;
-        let buffers = allocate(gpu, &plan, bindings)?;
-        let stored = |i: usize| weights.get(&plan.weights[i]).cloned();
-        let mut args: Vec<Vec<BufferSlice>> = Vec::with_capacity(recorded.len());
-        for call in &recorded {
-            let resolve = |slot: &Slot| {
-                let whole = match slot.value {
-                    crate::record::Stored::Value(v) => buffers[v.0 as usize].clone(),
-                    crate::record::Stored::Weight(i) => stored(i),
-                };
-                whole.map(|w| BufferSlice {
-                    offset: w.offset + slot.offset,
-                    size: slot.size.min(w.size),
-                    buffer: w.buffer,
-                })
-            };
-            let found: Option<Vec<_>> = call.args.iter().map(resolve).collect();
-            args.push(found.ok_or_else(|| GraphError::NoSuchValue { name: call.name.clone() })?);
-        }
-        let pairs: Vec<(&Dispatch, &[BufferSlice])> = recorded
-            .iter()
-            .zip(&args)
-            .flat_map(|(call, args)| call.dispatches.iter().map(move |d| (d, args.as_slice())))
-            .collect();
-        let program = Program::new(gpu, pairs)?;
-        let pieces = pieces(&plan, &recorded);
-        Ok(Self { gpu: gpu.clone(), plan, program, buffers, pieces })
-    }
-
-    /// The plan.
-    #[must_use]
-    pub fn plan(&self) -> &Plan {
-        &self.plan
+        let tensors = Tensors::new(gpu, plan, bindings)?;
+        let program = tensors.program(&recorded, weights)?;
+        let pieces = pieces(tensors.plan(), &recorded);
+        Ok(Self { tensors, program, pieces })
     }
 
     /// Number of dispatches of a run.
     #[must_use]
     pub fn dispatches(&self) -> usize {
         self.program.len()
-    }
-
-    /// The buffer of an input or output: results stay on the device for whoever wants them.
-    ///
-    /// # Errors
-    /// When the graph has no such value, or it did not stay.
-    pub fn slice(&self, name: &str) -> Result<BufferSlice, GraphError> {
-        let missing = || GraphError::NoSuchValue { name: name.to_owned() };
-        let value = self.find(name).ok_or_else(missing)?;
-        let slice = self.buffers[self.plan.graph.root(value).0 as usize].clone().ok_or_else(missing)?;
-        Ok(BufferSlice { size: self.plan.graph.shape(value).bytes(), ..slice })
-    }
-
-    /// The input or output called `name`.
-    fn find(&self, name: &str) -> Option<Value> {
-        let graph = &self.plan.graph;
-        let output = graph.outputs().iter().find(|v| graph.value_name(**v) == name).copied();
-        output.or_else(|| {
-            graph.values().find(|(_, i)| i.name == name && matches!(i.source, Source::Input)).map(|(v, _)| v)
-        })
-    }
-
-    /// Writes all numbers of an input.
-    ///
-    /// # Errors
-    /// When the name or the length is wrong.
-    pub fn write(&self, name: &str, data: &[f32]) -> Result<(), GraphError> {
-        let slice = self.slice(name)?;
-        let expected = slice.size as usize / 4;
-        if data.len() != expected {
-            return Err(GraphError::InputLength { name: name.to_owned(), expected, got: data.len() });
-        }
-        self.write_at(name, 0, data)
-    }
-
-    /// Writes numbers of an input from element `start` on, such as one image of many.
-    ///
-    /// # Errors
-    /// When the name is wrong or the numbers do not fit.
-    pub fn write_at(&self, name: &str, start: usize, data: &[f32]) -> Result<(), GraphError> {
-        let slice = self.slice(name)?;
-        let expected = slice.size as usize / 4;
-        if start + data.len() > expected {
-            return Err(GraphError::InputLength { name: name.to_owned(), expected, got: start + data.len() });
-        }
-        self.gpu.queue.write_buffer(&slice.buffer, slice.offset + start as u64 * 4, bytemuck::cast_slice(data));
-        Ok(())
-    }
-
-    /// Reads an output (waits for everything submitted).
-    ///
-    /// # Errors
-    /// When the name is wrong or the device is lost.
-    pub fn read(&self, name: &str) -> Result<Vec<f32>, GraphError> {
-        Ok(run::read(&self.gpu, &self.slice(name)?)?)
-    }
-
-    /// Reads an output of indices.
-    ///
-    /// # Errors
-    /// When the name is wrong or the device is lost.
-    pub fn read_indices(&self, name: &str) -> Result<Vec<u32>, GraphError> {
-        Ok(run::read(&self.gpu, &self.slice(name)?)?)
     }
 
     /// Records a whole run into the host's encoder.
@@ -170,42 +65,9 @@ impl Executable {
     /// # Errors
     /// When the device is lost or `progress` broke off ([`GraphError::Interrupted`]).
     pub fn run(&self, progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>) -> Result<(), GraphError> {
-        let total = self.plan.flops();
-        let mut done = 0;
-        let mut previous: Option<wgpu::SubmissionIndex> = None;
-        let mut batch = 0..0;
-        let mut flops = 0u64;
-        for (i, piece) in self.pieces.iter().enumerate() {
-            batch.end = piece.dispatches.end;
-            flops += piece.flops;
-            if flops < FLOPS_PER_SUBMIT && i + 1 < self.pieces.len() {
-                continue;
-            }
-            let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                self.program.encode(&mut pass, batch.clone());
-            }
-            let submitted = self.gpu.queue.submit([encoder.finish()]);
-            // One submission stays in flight while the next is recorded.
-            if let Some(index) = previous.replace(submitted) {
-                self.gpu.wait_for(index)?;
-            }
-            done += flops;
-            if progress(done.min(total), total).is_break() {
-                self.gpu.wait()?;
-                return Err(GraphError::Interrupted);
-            }
-            batch.start = batch.end;
-            flops = 0;
-        }
-        Ok(self.gpu.wait()?)
-    }
-
-    /// The device it runs on.
-    #[must_use]
-    pub fn gpu(&self) -> &Gpu {
-        &self.gpu
+        let mut submissions = Submissions::new(&self.tensors, progress);
+        submissions.submit(&self.program, &self.pieces)?;
+        submissions.finish()
     }
 
     pub(crate) fn pieces(&self) -> &[Piece] {
@@ -217,45 +79,72 @@ impl Executable {
     }
 }
 
-/// Buffers of the arena, of inputs and outputs, and of constants.
-fn allocate(gpu: &Gpu, plan: &Plan, bindings: &Bindings) -> Result<Vec<Option<BufferSlice>>, GraphError> {
-    let intermediate = |bytes: &u64| Ok(gpu.buffer("intermediates", *bytes, USAGE)?.into());
-    let arena: Vec<BufferSlice> = plan.memory.arena.iter().map(intermediate).collect::<Result<_, GraphError>>()?;
-    let mut buffers = vec![None; plan.memory.places.len()];
-    for (value, info) in plan.graph.values() {
-        let root = value.0 as usize;
-        let bytes = plan.memory.bytes[root];
-        buffers[root] = match plan.memory.places[root] {
-            Place::Arena(i) => Some(BufferSlice { size: bytes, ..arena[i].clone() }),
-            Place::Own => Some(own(gpu, plan, value, bytes, bindings)?),
-            Place::Constant => {
-                let buffer = gpu.buffer(&info.name, bytes, USAGE)?;
-                if let Source::Constant(data) = &info.source {
-                    gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(data));
-                }
-                Some(buffer.into())
+/// Inputs, outputs and the plan.
+impl Deref for Executable {
+    type Target = Tensors;
+
+    fn deref(&self) -> &Tensors {
+        &self.tensors
+    }
+}
+
+/// A run on its way: pieces in submissions of moderate length, of which one is in flight while the next is recorded.
+pub(crate) struct Submissions<'a> {
+    gpu: &'a Gpu,
+    in_flight: Option<wgpu::SubmissionIndex>,
+    done: u64,
+    total: u64,
+    progress: &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+}
+
+impl<'a> Submissions<'a> {
+    pub(crate) fn new(tensors: &'a Tensors, progress: &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>) -> Self {
+        Self { gpu: tensors.gpu(), in_flight: None, done: 0, total: tensors.plan().flops(), progress }
+    }
+
+    /// Submits all of `program`. When this returns, at most its last submission is not done.
+    pub(crate) fn submit(&mut self, program: &Program, pieces: &[Piece]) -> Result<(), GraphError> {
+        let mut batch = 0..0;
+        let mut flops = 0;
+        for (i, piece) in pieces.iter().enumerate() {
+            batch.end = piece.dispatches.end;
+            flops += piece.flops;
+            if flops < FLOPS_PER_SUBMIT && i + 1 < pieces.len() {
+                continue;
             }
-            Place::Weight | Place::Unused => None,
-        };
-    }
-    Ok(buffers)
-}
-
-/// An input's or output's buffer: the host's if it gave one. An output may be a reshape of the stored root.
-fn own(gpu: &Gpu, plan: &Plan, root: Value, bytes: u64, bindings: &Bindings) -> Result<BufferSlice, GraphError> {
-    let graph = &plan.graph;
-    let names = graph.values().filter(|(v, _)| graph.root(*v) == root).map(|(_, i)| &i.name);
-    match names.filter_map(|name| Some((name, bindings.get(name)?))).next() {
-        Some((_, slice)) if slice.size >= graph.info(root).physical.bytes() => Ok(slice.clone()),
-        Some((name, slice)) => {
-            let expected = (graph.info(root).physical.bytes() / 4) as usize;
-            Err(GraphError::InputLength { name: name.clone(), expected, got: (slice.size / 4) as usize })
+            let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                program.encode(&mut pass, batch.clone());
+            }
+            let submitted = self.gpu.queue.submit([encoder.finish()]);
+            if let Some(before) = self.in_flight.replace(submitted) {
+                self.gpu.wait_for(before)?;
+            }
+            self.done += flops;
+            if self.listen().is_break() {
+                self.gpu.wait()?;
+                return Err(GraphError::Interrupted);
+            }
+            batch.start = batch.end;
+            flops = 0;
         }
-        None => Ok(gpu.buffer(&graph.info(root).name, round_up(bytes, 4), USAGE)?.into()),
+        Ok(())
+    }
+
+    /// Tells how far the run is, and hears whether to go on.
+    pub(crate) fn listen(&mut self) -> ControlFlow<()> {
+        (self.progress)(self.done.min(self.total), self.total)
+    }
+
+    /// Waits for the end.
+    pub(crate) fn finish(self) -> Result<(), GraphError> {
+        Ok(self.gpu.wait()?)
     }
 }
 
-fn pieces(plan: &Plan, recorded: &[Recorded]) -> Vec<Piece> {
+/// What kernel calls of `plan` come to; their dispatches count from the first of them.
+pub(crate) fn pieces(plan: &Plan, recorded: &[Recorded]) -> Vec<Piece> {
     let mut calls = vec![0u64; plan.graph.nodes.len()];
     recorded.iter().for_each(|call| calls[call.node] += 1);
     let mut at = 0;

@@ -6,7 +6,8 @@
 //! * [`Plan`]: which nodes run in row chunks, which buffer every value lives in, how many bytes and
 //!   operations a run takes: all known before anything runs, with no device.
 //! * [`Work`]: what a run asks of a device, counted without one.
-//! * [`Executable`]: the plan on a borrowed device; `encode` is the only part that touches it.
+//! * [`Executable`]: the plan on a borrowed device; [`Streamed`]: the same with weights that pass through while it runs.
+//!   Both are [`Tensors`]: inputs to write, outputs to read.
 
 mod algorithm;
 pub mod build;
@@ -22,6 +23,8 @@ pub mod profile;
 mod record;
 pub mod rows;
 pub mod schedule;
+pub mod stream;
+pub mod tensors;
 mod upload;
 pub mod weights;
 pub mod work;
@@ -31,5 +34,7 @@ pub use exec::Executable;
 pub use graph::{Graph, Parameter, Shape, Value};
 pub use op::Op;
 pub use plan::{Plan, PlanOptions};
+pub use stream::Streamed;
+pub use tensors::{Bindings, Tensors};
 pub use weights::{ParameterSource, WeightStore};
 pub use work::Work;

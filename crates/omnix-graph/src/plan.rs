@@ -11,13 +11,16 @@ use crate::memory::{MemoryPlan, Place, assign};
 use crate::op::{Op, WeightForm};
 use crate::record::record;
 use crate::schedule::{Segment, segments};
+use crate::stream::passing_bytes;
 use crate::weights::{Packing, WeightKey};
 
 /// What the caller decides.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanOptions {
-    /// Bytes that everything but the weights may take; `None` for no bound.
+    /// Bytes that everything but weights that stay may take; `None` for no bound.
     pub budget: Option<u64>,
+    /// Whether weights pass through ([`crate::Streamed`]): then the budget is for them too.
+    pub streamed: bool,
     /// How matrices are stored.
     pub storage: WeightType,
     /// Whether to fuse; off only in tests that compare.
@@ -28,7 +31,7 @@ pub struct PlanOptions {
 
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { budget: None, storage: WeightType::F32, fuse: true, parts: 1 }
+        Self { budget: None, streamed: false, storage: WeightType::F32, fuse: true, parts: 1 }
     }
 }
 
@@ -62,7 +65,7 @@ impl Plan {
     pub fn new(graph: &Graph, caps: &Caps, options: &PlanOptions) -> Result<Self, GraphError> {
         let mut graph = if options.fuse { fuse(graph) } else { graph.clone() };
         algorithm::choose(&mut graph, caps, options.storage);
-        let segments = segments(&graph, caps.align);
+        let segments = segments(&graph, caps.align, options.streamed);
         let (parts, memory) = fit(&graph, &segments, options, caps.max_buffer)?;
         let weights = weights(&graph, options.storage);
         // Operands are as good as the weights.
@@ -128,13 +131,15 @@ fn fit(
     let mut least = u64::MAX;
     loop {
         let tried = assign(graph, segments, parts, max_buffer);
-        let fits = tried.as_ref().is_ok_and(|memory| options.budget.is_none_or(|budget| memory.total() <= budget));
+        let weights = if options.streamed { passing_bytes(graph, segments, parts, options.storage) } else { 0 };
+        let fits = |memory: &MemoryPlan| options.budget.is_none_or(|budget| memory.total() + weights <= budget);
+        let fits = tried.as_ref().is_ok_and(fits);
         let smallest = |s: &Segment| s.chain.as_ref().is_none_or(|c| c.chunk_rows(parts) <= c.unit);
         let last = parts >= MAX_PARTS || segments.iter().all(smallest);
         if fits || (last && tried.is_err()) {
             return tried.map(|memory| (parts, memory));
         }
-        least = tried.map_or(least, |memory| least.min(memory.total()));
+        least = tried.map_or(least, |memory| least.min(memory.total() + weights));
         if last {
             return Err(GraphError::Budget { budget: options.budget.unwrap_or(u64::MAX), least });
         }
@@ -147,13 +152,18 @@ fn weights(graph: &Graph, storage: WeightType) -> Vec<WeightKey> {
     let mut seen = rustc_hash::FxHashSet::default();
     let mut keys = Vec::new();
     for node in &graph.nodes {
-        for key in node.op.inputs().into_iter().filter_map(|value| weight_key(graph, node, value, storage)) {
+        for key in weights_read(graph, node, storage) {
             if seen.insert(key.clone()) {
                 keys.push(key);
             }
         }
     }
     keys
+}
+
+/// The weights that `node` reads.
+pub(crate) fn weights_read(graph: &Graph, node: &Node, storage: WeightType) -> impl Iterator<Item = WeightKey> {
+    node.op.inputs().into_iter().filter_map(move |value| weight_key(graph, node, value, storage))
 }
 
 /// A transposed convolution's bias is repeated for every pixel of a block.

@@ -3,6 +3,7 @@
 //! Inside a chain, values that nothing outside needs (a feed-forward layer's hidden rows, the queries of a
 //! sequence) exist for one chunk at a time. Rows do not see each other, so chunk sizes change no bit.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use crate::graph::{Graph, Source, Value};
@@ -39,9 +40,10 @@ impl Chain {
     }
 }
 
-/// Cuts the nodes of `graph` into segments; every offset of a chunk is a multiple of `align` bytes.
+/// Cuts the nodes of `graph` into segments; every offset of a chunk is a multiple of `align` bytes. A chain needs all its weights at
+/// once: where they pass through (`streamed`), chains also end wherever the fewest bytes go on.
 #[must_use]
-pub fn segments(graph: &Graph, align: u64) -> Vec<Segment> {
+pub fn segments(graph: &Graph, align: u64, streamed: bool) -> Vec<Segment> {
     let last_use = last_uses(graph);
     let mut out = Vec::new();
     let mut at = 0;
@@ -68,6 +70,10 @@ pub fn segments(graph: &Graph, align: u64) -> Vec<Segment> {
         while let Some(i) = escapes(end) {
             end = i;
         }
+        if streamed {
+            let ends = (at + 1..=end).filter(|end| escapes(*end).is_none());
+            end = ends.min_by_key(|end| bytes_alive(graph, at..*end, &last_use)).unwrap_or(end);
+        }
         row_wise_nodes.truncate(end - at);
         let nodes = at..end.max(at + 1);
         let chain = (end > at).then(|| chain(graph, &nodes, row_wise_nodes, &last_use, align)).flatten();
@@ -75,6 +81,13 @@ pub fn segments(graph: &Graph, align: u64) -> Vec<Segment> {
         out.push(Segment { nodes, chain });
     }
     out
+}
+
+/// Bytes of what `nodes` make and later nodes read, whole.
+fn bytes_alive(graph: &Graph, nodes: Range<usize>, last_use: &[usize]) -> u64 {
+    let made = graph.nodes[nodes.clone()].iter().flat_map(|node| &node.outputs).map(|v| graph.root(*v));
+    let alive: BTreeSet<Value> = made.filter(|root| last_use[root.0 as usize] >= nodes.end).collect();
+    alive.iter().map(|root| graph.info(*root).physical.bytes()).sum()
 }
 
 /// Whether node `index` can join the chain `nodes`.

@@ -3,9 +3,8 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use omnix_graph::exec::Bindings;
 use omnix_graph::profile::{Span, profile};
-use omnix_graph::{Executable, Graph, ParameterSource, Plan, PlanOptions, WeightStore};
+use omnix_graph::{Bindings, Executable, Graph, ParameterSource, Plan, PlanOptions, WeightStore};
 use omnix_kernels::bench::Clock;
 use omnix_model::config::NetworkConfig;
 use omnix_model::{BackboneSpec, HeadSpec, Network, Parts};

@@ -2,7 +2,8 @@
 //!
 //! Stages, one after another: the backbone over all images; the head, a few images at a time; and, where trajectories are
 //! wanted, the trajectory module over all images, the sampling head a few images at a time, and the evaluation of the field.
-//! A stage's bytes are its weights (or all weights, if they stay), its own plan's, and what it holds of other stages' results.
+//! A stage's bytes are its weights (or all weights, if they stay; if it runs once, those of two stretches of it), its own plan's, and
+//! what it holds of other stages' results.
 
 mod stages;
 mod summary;
@@ -91,7 +92,12 @@ impl RunPlan {
     /// Operations of the head over all images.
     #[must_use]
     pub fn head_flops(&self) -> u64 {
-        self.head.flops() * self.request.images.div_ceil(self.head_images) as u64
+        self.head.flops() * self.head_runs() as u64
+    }
+
+    /// How often the head runs.
+    pub(crate) fn head_runs(&self) -> usize {
+        self.request.images.div_ceil(self.head_images)
     }
 
     /// Bytes that the budget leaves for evaluations of the field; `None` for no bound.
@@ -103,12 +109,13 @@ impl RunPlan {
 
     /// Every plan, and how often it runs.
     pub(crate) fn plans(&self) -> impl Iterator<Item = (&Plan, u64)> {
-        let images = self.request.images;
-        let motion = self
-            .motion
-            .iter()
-            .flat_map(move |m| [(&m.module, 1), (&m.sampling, images.div_ceil(m.sampling_images) as u64)]);
-        [(&self.backbone, 1), (&self.head, images.div_ceil(self.head_images) as u64)].into_iter().chain(motion)
+        let motion = self.motion.iter().flat_map(|m| [(&m.module, 1), (&m.sampling, m.sampling_runs() as u64)]);
+        [(&self.backbone, 1), (&self.head, self.head_runs() as u64)].into_iter().chain(motion)
+    }
+
+    /// Bytes of the backbone's results beside the inputs of a stage that runs so often.
+    fn held_features(&self, runs: usize) -> u64 {
+        stages::held_features(self.kept, runs)
     }
 
     /// Bytes of the weights that are on the device when no stage runs.
@@ -117,7 +124,18 @@ impl RunPlan {
     }
 }
 
+/// Bytes of weights on the device while a stage with this plan runs, if weights do not stay there. Those of a stage that runs once pass
+/// through.
+pub(crate) fn own_weights(plan: &Plan, runs: usize) -> u64 {
+    if runs == 1 { plan.streamed_weight_bytes() } else { plan.weight_bytes() }
+}
+
 impl MotionPlan {
+    /// How often the sampling head runs.
+    pub(crate) fn sampling_runs(&self) -> usize {
+        self.shape.images.div_ceil(self.sampling_images)
+    }
+
     /// Bytes of the field on the device.
     fn store_bytes(&self) -> u64 {
         if self.resident { self.shape.bytes() } else { 0 }

@@ -31,8 +31,8 @@ pub struct Request {
     pub motion: bool,
     /// How weights are stored on the device.
     pub storage: WeightType,
-    /// Whether weights stay on the device for the next run. If not, each stage's weights leave when it is done, which lowers the
-    /// peak, and a further run uploads them again.
+    /// Whether weights stay on the device for the next run. If not, those of a stage that runs once pass through while it runs, and
+    /// those of one that runs a few images at a time leave when it is done: less memory, and a further run uploads them again.
     pub keep_weights: bool,
     /// Bytes of device memory that the run may take.
     pub budget: Option<u64>,

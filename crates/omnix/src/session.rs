@@ -1,16 +1,16 @@
 //! A run on a device: images in, then results image by image, then the field that trajectories are evaluated from.
 
 mod motion;
+mod on_device;
 mod readback;
 mod stages;
-mod upload;
 mod warmup;
 
 use std::ops::ControlFlow;
 
 use omnix_geometry::Camera;
-use omnix_graph::Executable;
-use omnix_graph::exec::Bindings;
+use omnix_graph::Bindings;
+
 use omnix_kernels::BufferSlice;
 
 use crate::engine::Engine;
@@ -19,8 +19,8 @@ use crate::field::Field;
 use crate::plan::RunPlan;
 use crate::progress::Progress;
 use crate::weights::Weights;
+use on_device::{OnDevice, SessionWeights};
 use readback::{HandOut, Resident, Results};
-use upload::{Stage, StageWeights};
 use warmup::Warmup;
 
 /// What was found out about one image.
@@ -65,8 +65,8 @@ pub struct ResidentGeometry {
 pub struct Session {
     engine: Engine,
     plan: RunPlan,
-    weights: StageWeights,
-    backbone: Option<Executable>,
+    weights: SessionWeights,
+    backbone: Option<OnDevice>,
     /// Ends when the session does.
     _warmup: Warmup,
     /// Bytes of images written since the last submission.
@@ -80,7 +80,7 @@ const FLUSH: u64 = 4 << 20;
 pub(crate) type Listener<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
 
 impl Session {
-    /// Uploads the weights (of the first stage, if the plan does not keep them all) and allocates the backbone. Meanwhile, and
+    /// Uploads the weights, or, if the plan does not keep them, looks them through, and allocates the backbone. Meanwhile, and
     /// while the first stages run, up to four threads make the pipelines of all stages (on lavapipe one of them submits a dispatch of
     /// nothing and waits for it).
     ///
@@ -88,9 +88,10 @@ impl Session {
     /// When a weight of any stage is damaged, memory runs out, or `progress` broke off.
     pub fn new(engine: &Engine, weights: &Weights, plan: RunPlan, progress: Listener<'_>) -> Result<Self, OmnixError> {
         let warmup = Warmup::start(engine.gpu(), &plan);
-        let weights = StageWeights::new(engine.gpu(), weights, &plan, progress)?;
-        let backbone = Executable::new(engine.gpu(), plan.backbone.clone(), weights.store(), &Bindings::default())?;
-        Ok(Self { engine: engine.clone(), plan, weights, backbone: Some(backbone), _warmup: warmup, unflushed: 0 })
+        let weights = SessionWeights::new(engine.gpu(), weights, &plan, progress)?;
+        let mut session = Self { engine: engine.clone(), plan, weights, backbone: None, _warmup: warmup, unflushed: 0 };
+        session.backbone()?;
+        Ok(session)
     }
 
     /// The plan.
@@ -100,13 +101,12 @@ impl Session {
     }
 
     /// The backbone's memory is given back when it has run; a later run takes it again.
-    fn backbone(&mut self) -> Result<&Executable, OmnixError> {
-        if self.backbone.is_none() {
-            let store = self.weights.stage(Stage::Backbone, &self.plan, &mut crate::quiet())?;
-            let plan = self.plan.backbone.clone();
-            self.backbone = Some(Executable::new(self.engine.gpu(), plan, store, &Bindings::default())?);
-        }
-        self.backbone.as_ref().ok_or_else(|| OmnixError::Request { reason: "BUG: no backbone".to_owned() })
+    fn backbone(&mut self) -> Result<&OnDevice, OmnixError> {
+        let made = match self.backbone.take() {
+            Some(made) => made,
+            None => self.weights.stage(&self.plan.backbone, 1, &Bindings::default(), &mut crate::quiet())?,
+        };
+        Ok(self.backbone.insert(made))
     }
 
     /// Writes image `index`: `[3, height, width]`, normalised (`omnix::io::preprocess::normalise`).

@@ -5,9 +5,8 @@
 
 use std::ops::Range;
 
-use omnix_graph::exec::Bindings;
 use omnix_graph::op::Motion;
-use omnix_graph::{Executable, Graph, Plan, PlanOptions, WeightStore};
+use omnix_graph::{Bindings, Executable, Graph, Plan, PlanOptions, WeightStore};
 use omnix_kernels::{BufferSlice, Caps, run};
 use omnix_model::TrajectorySpec;
 

@@ -4,7 +4,7 @@ use omnix_graph::{Graph, GraphError, Plan, PlanOptions};
 use omnix_kernels::{Caps, Tier};
 use omnix_model::{BackboneSpec, HeadSpec, MotionSpec, SamplingSpec};
 
-use super::{MotionPlan, OVERHEAD, RunPlan};
+use super::{MotionPlan, OVERHEAD, RunPlan, own_weights};
 use crate::error::OmnixError;
 use crate::field::{self, FieldShape};
 use crate::request::{FieldPlace, Request};
@@ -13,11 +13,16 @@ use crate::weights::Weights;
 /// A field's sizes, and whether it is kept on the device.
 type Place<'a> = (&'a FieldShape, bool);
 
+/// Bytes of the backbone's results `kept` beside the inputs of a stage that runs so often: one that runs once has them as its inputs.
+pub(super) fn held_features(kept: u64, runs: usize) -> u64 {
+    if runs == 1 { 0 } else { kept }
+}
+
 /// Bytes that the head's stage holds beside its plan: features, what the module needs, and staging for the results.
-pub(super) fn head_held(head: &Plan, kept: u64, tokens: u64, field: Option<Place<'_>>) -> u64 {
+pub(super) fn head_held(head: &Plan, features: u64, tokens: u64, field: Option<Place<'_>>) -> u64 {
     let results: u64 = output_sizes(&head.graph).sum();
     let points = field.map_or(0, |(shape, resident)| if resident { shape.all_points() } else { 0 });
-    kept + tokens + points + results
+    features + tokens + points + results
 }
 
 /// Bytes that the module's stage holds beside its plan, of which features and tokens are inputs.
@@ -26,10 +31,10 @@ pub(super) fn module_held((shape, resident): Place<'_>) -> u64 {
 }
 
 /// Bytes that the sampling head's stage holds beside its plan.
-pub(super) fn sampling_held(sampling: &Plan, kept: u64, (shape, resident): Place<'_>) -> u64 {
+pub(super) fn sampling_held(sampling: &Plan, features: u64, (shape, resident): Place<'_>) -> u64 {
     // Results are read back one by one; offsets and weights only where they go to a file.
     let staging = if resident { shape.pixels() as u64 * 4 } else { output_sizes(&sampling.graph).max().unwrap_or(0) };
-    kept + staging + if resident { shape.bytes() } else { 0 }
+    features + staging + if resident { shape.bytes() } else { 0 }
 }
 
 fn output_sizes(graph: &Graph) -> impl Iterator<Item = u64> + '_ {
@@ -78,6 +83,8 @@ struct Budget {
     bytes: Option<u64>,
     /// Weights on the device in every stage, if they stay there.
     resting: Option<u64>,
+    /// Images of the run.
+    images: usize,
     least: u64,
 }
 
@@ -110,12 +117,13 @@ impl Budget {
         free: &Plan,
         held: u64,
     ) -> Result<Option<Plan>, OmnixError> {
-        let weights = free.weight_bytes();
-        let Some(room) = self.room(weights, held) else { return Ok(Some(free.clone())) };
-        match Plan::new(graph, caps, &PlanOptions { budget: Some(room), ..*options }) {
+        // Weights that do not stay pass through, and are part of the plan.
+        let Some(room) = self.room(0, held) else { return Ok(Some(free.clone())) };
+        let streamed = self.resting.is_none();
+        match Plan::new(graph, caps, &PlanOptions { budget: Some(room), streamed, ..*options }) {
             Ok(plan) => Ok(Some(plan)),
             Err(GraphError::Budget { least, .. }) => {
-                self.needs(weights, held + least);
+                self.needs(0, held + least);
                 Ok(None)
             }
             Err(error) => Err(error.into()),
@@ -127,12 +135,13 @@ impl Budget {
         &mut self,
         most: usize,
         plan: impl Fn(usize) -> Result<Plan, OmnixError>,
-        held: impl Fn(&Plan) -> u64,
+        held: impl Fn(&Plan, usize) -> u64,
     ) -> Result<Option<(Plan, usize)>, OmnixError> {
         let mut count = most;
         loop {
             let tried = plan(count)?;
-            let (weights, bytes) = (tried.weight_bytes(), tried.working_bytes() + held(&tried));
+            let runs = self.images.div_ceil(count);
+            let (weights, bytes) = (own_weights(&tried, runs), tried.working_bytes() + held(&tried, runs));
             if self.fits(weights, bytes) {
                 return Ok(Some((tried, count)));
             }
@@ -163,7 +172,7 @@ pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<
     } else {
         None
     };
-    let mut budget = Budget { bytes: request.budget, resting, least: 0 };
+    let mut budget = Budget { bytes: request.budget, resting, images: request.images, least: 0 };
     let planned = budget.whole(&backbone, caps, &options, &free, 0)?;
     let tokens = motion.as_ref().map_or(0, |m| m.token_bytes);
     // On the device if that fits; else in a file, where less may fit.
@@ -176,7 +185,7 @@ pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<
     for &resident in places {
         budget.least = before;
         let place = motion.as_ref().map(|m| (&m.shape, resident));
-        let held = |plan: &Plan| head_held(plan, kept, tokens, place);
+        let held = |plan: &Plan, runs| head_held(plan, held_features(kept, runs), tokens, place);
         let head = budget.few(most(request.head_images), plan_head, held)?;
         let moving = match &motion {
             Some(motion) => motion.plan(&mut budget, kept, resident, most(request.sampling_images))?,
@@ -239,7 +248,8 @@ impl<'a> Motion<'a> {
             let graph = sampling(self.weights, self.request, frames)?;
             Ok(Plan::new(&graph, self.caps, &PlanOptions { parts: 1, ..self.options })?)
         };
-        let sampling = budget.few(most, plan, |plan| sampling_held(plan, kept, place))?;
+        let held = |plan: &Plan, runs| sampling_held(plan, held_features(kept, runs), place);
+        let sampling = budget.few(most, plan, held)?;
         let store = if resident { self.shape.bytes() } else { 0 };
         let room = budget.room(0, store);
         let motion = field::motion_of(self.weights)?;

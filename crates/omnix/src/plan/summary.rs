@@ -3,7 +3,7 @@
 use omnix_graph::Plan;
 use serde::Serialize;
 
-use super::{OVERHEAD, RunPlan, stages};
+use super::{OVERHEAD, RunPlan, own_weights, stages};
 
 /// A plan in numbers.
 #[derive(Clone, Debug, Serialize)]
@@ -63,7 +63,8 @@ impl RunPlan {
         let images = self.request.images;
         let weights = |own: u64| if self.request.keep_weights { self.weight_bytes() } else { own };
         let stage = |name, plan: &Plan, held: u64, count: usize| {
-            let weight_bytes = weights(plan.weight_bytes());
+            let runs = images.div_ceil(count);
+            let weight_bytes = weights(own_weights(plan, runs));
             let mut chunk_rows: Vec<usize> = plan.chunks().into_iter().map(|(_, _, rows)| rows).collect();
             chunk_rows.sort_unstable();
             chunk_rows.dedup();
@@ -71,7 +72,7 @@ impl RunPlan {
                 name,
                 bytes: weight_bytes + OVERHEAD + plan.working_bytes() + held,
                 weight_bytes,
-                flops: plan.flops() * images.div_ceil(count) as u64,
+                flops: plan.flops() * runs as u64,
                 images: count,
                 parts: plan.parts,
                 chunk_rows,
@@ -83,13 +84,14 @@ impl RunPlan {
         stages.push(stage(
             "head",
             &self.head,
-            stages::head_held(&self.head, self.kept, tokens, field),
+            stages::head_held(&self.head, self.held_features(self.head_runs()), tokens, field),
             self.head_images,
         ));
         if let Some(motion) = &self.motion {
             let place = (&motion.shape, motion.resident);
             stages.push(stage("motion", &motion.module, stages::module_held(place), images));
-            let held = stages::sampling_held(&motion.sampling, self.kept, place);
+            let features = self.held_features(motion.sampling_runs());
+            let held = stages::sampling_held(&motion.sampling, features, place);
             stages.push(stage("sampling", &motion.sampling, held, motion.sampling_images));
             let weight_bytes = weights(0);
             stages.push(StageSummary {

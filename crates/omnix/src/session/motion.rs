@@ -1,13 +1,12 @@
 //! The stages that make a field: the trajectory module over all images, then the sampling head a few images at a time.
 
 use omnix_geometry::{Camera, corner_rays};
-use omnix_graph::Executable;
-use omnix_graph::exec::Bindings;
+use omnix_graph::Tensors;
+
 use omnix_graph::op::Motion;
 use omnix_kernels::{BufferSlice, Gpu, run};
 
-use super::stages::{Kept, part};
-use super::upload::Stage;
+use super::stages::{Kept, inputs, part};
 use super::{Listener, Session};
 use crate::error::OmnixError;
 use crate::field::{About, Field, FieldImage, FieldShape, Part, Store, copy, motion_of};
@@ -30,7 +29,7 @@ impl Making {
     /// Gives the head the rays of the images' corners, where it makes points of them.
     pub(super) fn fill_head(
         &self,
-        head: &Executable,
+        head: &Tensors,
         cameras: &[Camera],
         first: usize,
         count: usize,
@@ -122,12 +121,10 @@ impl Session {
 
     /// Field and mask of every image.
     fn run_module(&mut self, kept: &Kept, making: &mut Making, progress: Listener<'_>) -> Result<(), OmnixError> {
-        let store = self.weights.stage(Stage::Module, &self.plan, progress)?;
         let Some(plan) = &self.plan.motion else { return Ok(()) };
-        let mut bindings: Bindings =
-            kept.features.iter().enumerate().map(|(k, f)| (format!("feat.{k}"), f.clone())).collect();
+        let mut bindings = inputs(&kept.features, 1);
         bindings.extend(making.tokens.take().map(|tokens| (TOKENS.to_owned(), tokens)));
-        let module = Executable::new(self.engine.gpu(), plan.module.clone(), store, &bindings)?;
+        let module = self.weights.stage(&plan.module, 1, &bindings, progress)?;
         module.run(&mut |done, total| progress(Progress { phase: Phase::Motion, done, total }))?;
         for image in 0..making.shape.images {
             making.store.put(image, Part::Field, &part(&module, "field", image, making.shape.images)?)?;
@@ -139,18 +136,18 @@ impl Session {
 
     /// Offsets and weights of every image's pixels; their confidences.
     fn run_sampling(
-        &mut self,
+        &self,
         kept: &Kept,
         making: &mut Making,
         progress: Listener<'_>,
     ) -> Result<Vec<Vec<f32>>, OmnixError> {
-        let store = self.weights.stage(Stage::Sampling, &self.plan, progress)?;
         let Some(plan) = &self.plan.motion else { return Ok(Vec::new()) };
         let (images, step) = (self.plan.request.images, plan.sampling_images);
         let gpu = self.engine.gpu();
-        let sampling = Executable::new(gpu, plan.sampling.clone(), store, &Bindings::default())?;
+        let (runs, bindings) = (plan.sampling_runs(), inputs(&kept.features, plan.sampling_runs()));
+        let sampling = self.weights.stage(&plan.sampling, runs, &bindings, progress)?;
         let flops = sampling.plan().flops();
-        let total = flops * images.div_ceil(step) as u64;
+        let total = flops * runs as u64;
         let mut confidence = Vec::with_capacity(images);
         for first in (0..images).step_by(step) {
             let count = step.min(images - first);

@@ -3,13 +3,12 @@
 use std::ops::ControlFlow;
 
 use omnix_geometry::{Camera, align_cameras, decode_pose_code, encode_pose_code, normalise_extrinsics};
-use omnix_graph::exec::Bindings;
-use omnix_graph::{Executable, GraphError};
+
+use omnix_graph::{Bindings, GraphError, Tensors};
 use omnix_kernels::BufferSlice;
 
 use super::motion::Making;
 use super::readback::Results;
-use super::upload::Stage;
 use super::{Listener, ResidentGeometry, Session};
 use crate::error::OmnixError;
 use crate::progress::{Phase, Progress};
@@ -66,8 +65,8 @@ impl Session {
         results: &mut dyn Results,
     ) -> Result<(), OmnixError> {
         let (images, step) = (self.plan.request.images, self.plan.head_images);
-        let store = self.weights.stage(Stage::Head, &self.plan, progress)?;
-        let head = Executable::new(self.engine.gpu(), self.plan.head.clone(), store, &Bindings::default())?;
+        let (runs, bindings) = (self.plan.head_runs(), inputs(&kept.features, self.plan.head_runs()));
+        let head = self.weights.stage(&self.plan.head, runs, &bindings, progress)?;
         let total = self.plan.head_flops();
         for first in (0..images).step_by(step) {
             let count = step.min(images - first);
@@ -109,14 +108,18 @@ impl Session {
         results.finish()
     }
 
-    /// Copies the features of images `first..first + count` into the inputs of a stage over a few images.
+    /// Copies the features of images `first..first + count` into the inputs of a stage over a few images. One over all of them has
+    /// them as its inputs ([`inputs`]).
     pub(super) fn fill(
         &self,
-        stage: &Executable,
+        stage: &Tensors,
         features: &[BufferSlice],
         first: usize,
         count: usize,
     ) -> Result<(), OmnixError> {
+        if count == self.plan.request.images {
+            return Ok(());
+        }
         let gpu = self.engine.gpu();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (k, feature) in features.iter().enumerate() {
@@ -130,8 +133,14 @@ impl Session {
     }
 }
 
+/// The features as inputs of a stage that runs so often: more than one run gets copies of its images' own.
+pub(super) fn inputs(features: &[BufferSlice], runs: usize) -> Bindings {
+    let named = features.iter().enumerate().map(|(k, feature)| (format!("feat.{k}"), feature.clone()));
+    if runs == 1 { named.collect() } else { Bindings::default() }
+}
+
 /// Part `i` of `count` equal ones of an input or output.
-pub(super) fn part(stage: &Executable, name: &str, i: usize, count: usize) -> Result<BufferSlice, OmnixError> {
+pub(super) fn part(stage: &Tensors, name: &str, i: usize, count: usize) -> Result<BufferSlice, OmnixError> {
     let all = stage.slice(name)?;
     let size = all.size / count as u64;
     Ok(BufferSlice { offset: all.offset + i as u64 * size, size, buffer: all.buffer })

@@ -1,0 +1,131 @@
+//! The stages on the device: with weights that stay as long as the session, with weights of their own, or, where a stage runs
+//! once, with weights that pass through.
+
+use std::collections::BTreeMap;
+use std::ops::{ControlFlow, Deref};
+
+use omnix_graph::weights::WeightKey;
+use omnix_graph::{Bindings, Executable, GraphError, Plan, Streamed, Tensors, WeightStore};
+use omnix_kernels::Gpu;
+use rayon::prelude::*;
+
+use super::Listener;
+use crate::error::OmnixError;
+use crate::plan::RunPlan;
+use crate::progress::{Phase, Progress};
+use crate::weights::Weights;
+
+/// Bytes of weights that are looked through between two reports.
+const LOOKED_THROUGH: u64 = 64 << 20;
+
+/// The weights of a session.
+#[derive(Debug)]
+pub(super) struct SessionWeights {
+    gpu: Gpu,
+    weights: Weights,
+    /// All of them on the device, if they stay there.
+    kept: Option<WeightStore>,
+}
+
+/// A stage that can run.
+#[derive(Debug)]
+pub(super) enum OnDevice {
+    /// Its weights are there.
+    Kept(Executable),
+    /// Its weights come while it runs.
+    Streamed(Streamed, Box<Weights>),
+}
+
+impl SessionWeights {
+    /// Uploads all weights if they stay. If not, all are looked through for numbers that are none, so that no work is lost to a
+    /// damaged file later.
+    pub(super) fn new(
+        gpu: &Gpu,
+        weights: &Weights,
+        plan: &RunPlan,
+        progress: Listener<'_>,
+    ) -> Result<Self, OmnixError> {
+        let mut report = |done, total| progress(Progress { phase: Phase::Weights, done, total });
+        let keys: Vec<WeightKey> = plan.plans().flat_map(|(plan, _)| &plan.weights).cloned().collect();
+        let kept = if plan.request.keep_weights {
+            Some(WeightStore::load(gpu, weights, &keys, &mut report)?)
+        } else {
+            look_through(weights, &keys, &mut report)?;
+            None
+        };
+        Ok(Self { gpu: gpu.clone(), weights: weights.clone(), kept })
+    }
+
+    /// What they are from.
+    pub(super) fn checkpoint(&self) -> &Weights {
+        &self.weights
+    }
+
+    /// Makes a stage ready that runs so often in a run. Whoever has the stage before lets go of it first.
+    pub(super) fn stage(
+        &self,
+        plan: &Plan,
+        runs: usize,
+        bindings: &Bindings,
+        progress: Listener<'_>,
+    ) -> Result<OnDevice, OmnixError> {
+        if let Some(store) = &self.kept {
+            return Ok(OnDevice::Kept(Executable::new(&self.gpu, plan.clone(), store, bindings)?));
+        }
+        // Buffers are given back when the device is next waited for.
+        self.gpu.wait()?;
+        if runs == 1 {
+            let streamed = Streamed::new(&self.gpu, plan.clone(), bindings)?;
+            return Ok(OnDevice::Streamed(streamed, Box::new(self.weights.clone())));
+        }
+        let mut report = |done, total| progress(Progress { phase: Phase::Weights, done, total });
+        let store = WeightStore::load(&self.gpu, &self.weights, &plan.weights, &mut report)?;
+        Ok(OnDevice::Kept(Executable::new(&self.gpu, plan.clone(), &store, bindings)?))
+    }
+}
+
+impl OnDevice {
+    /// Runs and waits, see [`Executable::run`].
+    pub(super) fn run(&self, progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>) -> Result<(), GraphError> {
+        match self {
+            Self::Kept(executable) => executable.run(progress),
+            Self::Streamed(streamed, weights) => streamed.run(&**weights, progress),
+        }
+    }
+}
+
+impl Deref for OnDevice {
+    type Target = Tensors;
+
+    fn deref(&self) -> &Tensors {
+        match self {
+            Self::Kept(executable) => executable,
+            Self::Streamed(streamed, _) => streamed,
+        }
+    }
+}
+
+/// An error where a number is none. Hears of bytes as they will be stored.
+fn look_through(
+    weights: &Weights,
+    keys: &[WeightKey],
+    report: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+) -> Result<(), OmnixError> {
+    let sizes: BTreeMap<&str, u64> = keys.iter().map(|key| (&*key.parameter.name, key.bytes())).collect();
+    let total = sizes.values().sum();
+    let (mut done, mut group) = (0, Vec::new());
+    let mut left = sizes.len();
+    for (name, bytes) in sizes {
+        group.push(name);
+        (done, left) = (done + bytes, left - 1);
+        if left > 0 && done / LOOKED_THROUGH == (done - bytes) / LOOKED_THROUGH {
+            continue;
+        }
+        let bad = group.par_drain(..).find_map_first(|name| weights.check_tensor(name).err());
+        bad.map_or(Ok(()), Err)?;
+        if report(done, total).is_break() {
+            return Err(OmnixError::Interrupted);
+        }
+    }
+    Ok(())
+}
