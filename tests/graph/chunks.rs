@@ -43,7 +43,7 @@ fn a_budget_is_met_or_the_least_is_named() {
     let graph = two_blocks(64, 75, HEADS);
     let caps = Caps::baseline();
     let free = Plan::new(&graph, &caps, &PlanOptions::default()).expect("plans").working_bytes();
-    let budget = free * 3 / 4;
+    let budget = free * 17 / 20;
     let options = |budget| PlanOptions { budget: Some(budget), ..PlanOptions::default() };
     let tight = Plan::new(&graph, &caps, &options(budget)).expect("fits in chunks");
     assert!(

@@ -135,8 +135,8 @@ fn a_budget_is_for_passing_weights_too() {
     let options = |budget| PlanOptions { budget: Some(budget), streamed: true, ..PlanOptions::default() };
     let plan = |budget| Plan::new(&graph, &gpu().caps, &options(budget));
     let free = taken(&Plan::new(&graph, &gpu().caps, &PlanOptions::default()).expect("plans"));
-    let tight = plan(free * 3 / 4).expect("fits in chunks");
-    assert!(tight.parts > 1 && taken(&tight) <= free * 3 / 4, "{} of {free}", taken(&tight));
+    let tight = plan(free * 17 / 20).expect("fits in chunks");
+    assert!(tight.parts > 1 && taken(&tight) <= free * 17 / 20, "{} of {free}", taken(&tight));
     let Err(GraphError::Budget { least, .. }) = plan(1000) else { panic!("1000 bytes cannot do") };
     assert_eq!(taken(&plan(least).expect("the least that was named works")), least);
 }

@@ -78,6 +78,11 @@ pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64
     for (s, segment) in segments.iter().enumerate() {
         segment_of[segment.nodes.clone()].fill(s);
     }
+    // Values that cross the border of a chain in chunks live for all of it: every chunk touches them.
+    let span = |i: usize| {
+        let segment = &segments[segment_of[i]];
+        if segment.chain.is_some() && parts > 1 { segment.nodes.clone() } else { i..i + 1 }
+    };
     let used = used_roots(graph);
     let mut lives = Vec::new();
     for root in (0..n).filter(|r| used[*r]) {
@@ -114,7 +119,9 @@ pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64
             Source::Constant(_) => Place::Constant,
             Source::Node(_) if is_output => Place::Own,
             Source::Node(i) => {
-                lives.push(life(root, bytes, i, last[root].max(i), segments, &segment_of, chain.is_some()));
+                let last = last[root].max(i);
+                let (made, read) = if chain.is_some() { (i..i + 1, last..last + 1) } else { (span(i), span(last)) };
+                lives.push(Life { root, bytes, from: made.start, to: read.end - 1 });
                 continue;
             }
             Source::Reshape(_) => continue,
@@ -133,23 +140,6 @@ pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64
 fn chunk_padding(graph: &Graph, root: usize, share: f64) -> u64 {
     let physical = &graph.values[root].physical;
     if share >= 1.0 || *physical == graph.values[root].shape { 0 } else { physical.bytes() / physical[2] as u64 * 32 }
-}
-
-/// Values that cross the border of a chain live for all of it: every chunk touches them.
-fn life(
-    root: usize,
-    bytes: u64,
-    made: usize,
-    last: usize,
-    segments: &[Segment],
-    segment_of: &[usize],
-    interior: bool,
-) -> Life {
-    let widen = |i: usize| {
-        let segment = &segments[segment_of[i]];
-        if segment.chain.is_some() && !interior { segment.nodes.clone() } else { i..i + 1 }
-    };
-    Life { root, bytes, from: widen(made).start, to: widen(last).end - 1 }
 }
 
 /// Roots that some kernel reads through 64 KiB uniform windows: keys and values of attention, the field as
