@@ -42,17 +42,22 @@ fn chunks_of_the_run_change_no_bit() {
         Request { parts: 4, ..request(IMAGES) },
         Request { head_images: Some(2), sampling_images: Some(3), ..request(IMAGES) },
         Request { keep_weights: false, ..request(IMAGES) },
+        Request { keep_weights: false, parts: 4, ..request(IMAGES) },
+        // All images through the heads at once, so that all weights pass through.
+        Request { keep_weights: false, head_images: Some(IMAGES), sampling_images: Some(IMAGES), ..request(IMAGES) },
     ] {
         assert!(whole == all(&field(&weights, &other)), "{other:?}");
     }
-    let least = match RunPlan::new(&weights, &Request { budget: Some(1), ..request(IMAGES) }, engine().caps()) {
-        Err(omnix::OmnixError::Budget { least, .. }) => least,
-        other => panic!("a budget of one byte: {other:?}"),
-    };
-    let tight = Request { budget: Some(least), ..request(IMAGES) };
-    assert!(RunPlan::new(&weights, &tight, engine().caps()).unwrap().peak_bytes() <= least);
-    let tight = field(&weights, &tight);
-    assert!(whole == all(&tight), "the least budget");
+    for keep_weights in [true, false] {
+        let with = |budget| Request { budget: Some(budget), keep_weights, ..request(IMAGES) };
+        let least = match RunPlan::new(&weights, &with(1), engine().caps()) {
+            Err(omnix::OmnixError::Budget { least, .. }) => least,
+            other => panic!("a budget of one byte: {other:?}"),
+        };
+        let plan = RunPlan::new(&weights, &with(least), engine().caps()).unwrap();
+        assert!(plan.peak_bytes() <= least);
+        assert!(whole == all(&field(&weights, &with(least))), "the least budget, weights stay: {keep_weights}");
+    }
 }
 
 #[test]
