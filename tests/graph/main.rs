@@ -3,6 +3,7 @@
 mod algorithm;
 mod chunks;
 mod compile;
+mod fixed;
 mod fusion;
 mod memory;
 mod motion;

@@ -16,7 +16,9 @@ use crate::weights::WeightStore;
 pub struct Executable {
     tensors: Tensors,
     program: Program,
-    /// The kernel calls in order.
+    /// Dispatches at the front that are done: what does not depend on inputs.
+    fixed: usize,
+    /// The kernel calls of a run in order.
     pieces: Vec<Piece>,
 }
 
@@ -34,7 +36,7 @@ pub(crate) struct Piece {
 const FLOPS_PER_SUBMIT: u64 = 10_000_000_000;
 
 impl Executable {
-    /// Allocates the plan's buffers and makes its pipelines and bind groups.
+    /// Allocates the plan's buffers, makes its pipelines and bind groups, and submits what depends on no input.
     ///
     /// # Errors
     /// When memory runs out, a pipeline cannot be made, or a host buffer in `bindings` is too small.
@@ -42,21 +44,26 @@ impl Executable {
         let recorded = record(&plan)?;
         let tensors = Tensors::new(gpu, plan, bindings)?;
         let program = tensors.program(&recorded, weights)?;
-        let pieces = pieces(tensors.plan(), &recorded);
-        Ok(Self { tensors, program, pieces })
+        let mut pieces = pieces(tensors.plan(), &recorded);
+        let run = pieces.split_off(pieces.partition_point(|piece| piece.node < tensors.plan().fixed));
+        let fixed = pieces.last().map_or(0, |piece| piece.dispatches.end);
+        if fixed > 0 {
+            submit(gpu, &program, 0..fixed);
+        }
+        Ok(Self { tensors, program, fixed, pieces: run })
     }
 
     /// Number of dispatches of a run.
     #[must_use]
     pub fn dispatches(&self) -> usize {
-        self.program.len()
+        self.program.len() - self.fixed
     }
 
     /// Records a whole run into the host's encoder.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("omnix"), timestamp_writes: None });
-        self.program.encode(&mut pass, 0..self.program.len());
+        self.program.encode(&mut pass, self.fixed..self.program.len());
     }
 
     /// Runs in submissions of moderate length and waits. After each, `progress` hears the operations submitted so far and all of
@@ -104,7 +111,8 @@ impl<'a> Submissions<'a> {
 
     /// Submits all of `program`. When this returns, at most its last submission is not done.
     pub(crate) fn submit(&mut self, program: &Program, pieces: &[Piece]) -> Result<(), GraphError> {
-        let mut batch = 0..0;
+        let first = pieces.first().map_or(0, |piece| piece.dispatches.start);
+        let mut batch = first..first;
         let mut flops = 0;
         for (i, piece) in pieces.iter().enumerate() {
             batch.end = piece.dispatches.end;
@@ -112,12 +120,7 @@ impl<'a> Submissions<'a> {
             if flops < FLOPS_PER_SUBMIT && i + 1 < pieces.len() {
                 continue;
             }
-            let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                program.encode(&mut pass, batch.clone());
-            }
-            let submitted = self.gpu.queue.submit([encoder.finish()]);
+            let submitted = submit(self.gpu, program, batch.clone());
             if let Some(before) = self.in_flight.replace(submitted) {
                 self.gpu.wait_for(before)?;
             }
@@ -141,6 +144,15 @@ impl<'a> Submissions<'a> {
     pub(crate) fn finish(self) -> Result<(), GraphError> {
         Ok(self.gpu.wait()?)
     }
+}
+
+fn submit(gpu: &Gpu, program: &Program, dispatches: Range<usize>) -> wgpu::SubmissionIndex {
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        program.encode(&mut pass, dispatches);
+    }
+    gpu.queue.submit([encoder.finish()])
 }
 
 /// What kernel calls of `plan` come to; their dispatches count from the first of them.

@@ -13,6 +13,7 @@ mod algorithm;
 pub mod build;
 pub mod error;
 pub mod exec;
+mod fixed;
 pub mod fuse;
 pub mod graph;
 mod lower;

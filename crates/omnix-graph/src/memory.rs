@@ -8,6 +8,7 @@ use omnix_kernels::caps::UNIFORM_WINDOW;
 use omnix_kernels::dispatch::round_up;
 
 use crate::error::GraphError;
+use crate::fixed;
 use crate::graph::{Graph, Source, Value};
 use crate::op::Op;
 use crate::schedule::{Segment, last_uses};
@@ -83,7 +84,7 @@ pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64
         let segment = &segments[segment_of[i]];
         if segment.chain.is_some() && parts > 1 { segment.nodes.clone() } else { i..i + 1 }
     };
-    let used = used_roots(graph);
+    let (used, fixed) = (used_roots(graph), fixed::leading(graph));
     let mut lives = Vec::new();
     for root in (0..n).filter(|r| used[*r]) {
         let info = &graph.values[root];
@@ -120,6 +121,11 @@ pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64
             Source::Node(_) if is_output => Place::Own,
             Source::Node(i) => {
                 let last = last[root].max(i);
+                // What runs read that are no part of making it: nothing else may ever live there.
+                if i < fixed && last >= fixed {
+                    lives.push(Life { root, bytes, from: i, to: usize::MAX });
+                    continue;
+                }
                 let (made, read) = if chain.is_some() { (i..i + 1, last..last + 1) } else { (span(i), span(last)) };
                 lives.push(Life { root, bytes, from: made.start, to: read.end - 1 });
                 continue;

@@ -5,6 +5,7 @@ use omnix_kernels::{Caps, Dispatch, PackedWeights, WeightType};
 
 use crate::algorithm;
 use crate::error::GraphError;
+use crate::fixed;
 use crate::fuse::fuse;
 use crate::graph::{Graph, Node, Source, Value};
 use crate::memory::{MemoryPlan, Place, assign};
@@ -40,6 +41,8 @@ impl Default for PlanOptions {
 pub struct Plan {
     /// The fused graph.
     pub graph: Graph,
+    /// So many nodes at the front depend on parameters and constants alone; they are no part of a run.
+    pub fixed: usize,
     /// Its nodes in chains.
     pub segments: Vec<Segment>,
     /// Chains go in about so many parts.
@@ -65,12 +68,14 @@ impl Plan {
     pub fn new(graph: &Graph, caps: &Caps, options: &PlanOptions) -> Result<Self, GraphError> {
         let mut graph = if options.fuse { fuse(graph) } else { graph.clone() };
         algorithm::choose(&mut graph, caps, options.storage);
+        fixed::to_front(&mut graph);
         let segments = segments(&graph, caps.align, options.streamed);
         let (parts, memory) = fit(&graph, &segments, options, caps.max_buffer)?;
         let weights = weights(&graph, options.storage);
         // Operands are as good as the weights.
         let caps = caps.clone().with_f16(caps.f16 && options.storage != WeightType::F32);
-        Ok(Self { graph, segments, parts, memory, caps, storage: options.storage, weights })
+        let fixed = fixed::leading(&graph);
+        Ok(Self { graph, fixed, segments, parts, memory, caps, storage: options.storage, weights })
     }
 
     /// Bytes of the weights.
@@ -88,7 +93,7 @@ impl Plan {
     /// Floating-point operations of a run (a multiply-add is two).
     #[must_use]
     pub fn flops(&self) -> u64 {
-        (0..self.graph.nodes.len()).map(|i| node_flops(&self.graph, i)).sum()
+        (self.fixed..self.graph.nodes.len()).map(|i| node_flops(&self.graph, i)).sum()
     }
 
     /// Rows of the largest chunk of each chain, for reports: `(first node's name, rows, rows of a chunk)`.

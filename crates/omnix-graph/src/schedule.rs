@@ -6,6 +6,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use crate::fixed;
 use crate::graph::{Graph, Source, Value};
 use crate::rows::{Access, RowWise, row_wise};
 
@@ -45,8 +46,9 @@ impl Chain {
 #[must_use]
 pub fn segments(graph: &Graph, align: u64, streamed: bool) -> Vec<Segment> {
     let last_use = last_uses(graph);
-    let mut out = Vec::new();
-    let mut at = 0;
+    let fixed = fixed::leading(graph);
+    let mut out: Vec<Segment> = (0..fixed).map(|at| Segment { nodes: at..at + 1, chain: None }).collect();
+    let mut at = fixed;
     while at < graph.nodes.len() {
         let mut end = at;
         let mut row_wise_nodes: Vec<RowWise> = Vec::new();

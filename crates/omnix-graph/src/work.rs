@@ -13,7 +13,7 @@ use crate::record::{Recorded, record};
 pub struct Work {
     /// Dispatches.
     pub dispatches: usize,
-    /// Distinct shaders among them: what a driver compiles.
+    /// Distinct shaders, those of what is computed once included: what a driver compiles.
     pub pipelines: usize,
     /// Bytes of all windows that dispatches see: each is moved at least once (bands of `winograd` share the windows of
     /// their maps, which count for each).
@@ -33,8 +33,9 @@ impl Plan {
     /// When a kernel cannot take a shape.
     pub fn work(&self) -> Result<Work, GraphError> {
         let recorded = record(self)?;
-        let calls = || recorded.iter().flat_map(|call| call.dispatches.iter().map(move |dispatch| (call, dispatch)));
-        let pipelines: FxHashSet<_> = calls().map(|(_, d)| (d.shader.kernel, d.shader.variant)).collect();
+        let all = || recorded.iter().flat_map(|call| call.dispatches.iter().map(move |dispatch| (call, dispatch)));
+        let calls = || all().filter(|(call, _)| call.node >= self.fixed);
+        let pipelines: FxHashSet<_> = all().map(|(_, d)| (d.shader.kernel, d.shader.variant)).collect();
         Ok(Work {
             dispatches: calls().count(),
             pipelines: pipelines.len(),
