@@ -1,9 +1,14 @@
 //! One set of bits: evaluated at once, streamed in any chunks, chosen pixels alone, from the device, a spool or a saved file,
 //! whatever the chunks of the run.
 
-use omnix::{Chunk, Field, FieldPlace, FieldPrecision, Pixels, Query, Request, RunPlan, Weights};
+use std::ops::ControlFlow;
 
-use crate::made::{HEIGHT, WIDTH, engine, field, request};
+use omnix::{
+    Chunk, Field, FieldPlace, FieldPrecision, OmnixError, Phase, Pixels, Progress, Query, Request, RunPlan, Session,
+    Weights,
+};
+
+use crate::made::{HEIGHT, WIDTH, engine, field, image, request};
 
 const IMAGES: usize = 3;
 
@@ -58,6 +63,42 @@ fn chunks_of_the_run_change_no_bit() {
         assert!(plan.peak_bytes() <= least);
         assert!(whole == all(&field(&weights, &with(least))), "the least budget, weights stay: {keep_weights}");
     }
+}
+
+/// Everything that a session gives: depths, and the field's paths.
+fn run_of(session: &mut Session) -> Result<Vec<Vec<u32>>, OmnixError> {
+    for i in 0..IMAGES {
+        session.set_image(i, &image(i as u32))?;
+    }
+    let mut found = Vec::new();
+    let field = session.run(&mut omnix::quiet(), &mut |frame| {
+        found.push(bits(&frame.depth));
+        Ok(())
+    })?;
+    found.extend(all(&field.expect("motion was asked for")));
+    Ok(found)
+}
+
+#[test]
+fn a_session_without_weights_of_its_own_runs_again_also_after_a_break() {
+    let weights = Weights::builtin().unwrap();
+    let engine = engine();
+    let request = Request { keep_weights: false, ..request(IMAGES) };
+    let plan = RunPlan::new(&weights, &request, engine.caps()).unwrap();
+    let mut session = Session::new(&engine, &weights, plan, &mut omnix::quiet()).unwrap();
+    let first = run_of(&mut session).unwrap();
+    let mut breaks = 0;
+    for phase in [Phase::Backbone, Phase::Weights, Phase::Head, Phase::Motion, Phase::Sampling] {
+        for i in 0..IMAGES {
+            session.set_image(i, &image(i as u32)).unwrap();
+        }
+        let mut listen =
+            |at: Progress| if at.phase == phase { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        let broken = session.run(&mut listen, &mut |_| Ok(()));
+        breaks += usize::from(matches!(broken, Err(OmnixError::Interrupted)));
+    }
+    assert_eq!(breaks, 5);
+    assert!(run_of(&mut session).unwrap() == first);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use omnix_tests::gpu;
 use crate::support::{feed, prepare, run};
 
 /// A table of positions at the size of `[1, 8, 10, 32]`, made in the middle of the graph, and a layer of a constant; both are read last.
-fn table(rows: usize, columns: usize, given: bool) -> Graph {
+pub(crate) fn table(rows: usize, columns: usize, given: bool) -> Graph {
     let mut g = Graph::new();
     let x = g.input("x", [1, rows, columns, 32]);
     let mut y = g.map(Unary::Relu, x);

@@ -28,6 +28,31 @@ fn values_of_one_node_never_share_a_buffer() {
 }
 
 #[test]
+fn no_two_values_that_are_alive_together_share_a_buffer() {
+    let graphs = [two_blocks(6, 75, (2, 32)), crate::fixed::table(8, 10, false), crate::upload::layers()];
+    for (graph, (parts, streamed)) in
+        graphs.iter().flat_map(|g| [(1, false), (1, true), (3, false)].map(|how| (g, how)))
+    {
+        let options = PlanOptions { parts, streamed, ..PlanOptions::default() };
+        let plan = Plan::new(graph, &Caps::lavapipe(), &options).expect("plans");
+        let nodes = plan.graph.nodes();
+        // From the node that makes it to the last that reads it; what is computed once is read by all runs.
+        let reads = |v, node: &omnix_graph::graph::Node| node.op.inputs().iter().any(|x| plan.graph.root(*x) == v);
+        let life = |i: usize, v| match nodes.iter().rposition(|node| reads(v, node)).unwrap_or(i).max(i) {
+            last if i < plan.fixed && last >= plan.fixed => (i, usize::MAX),
+            last => (i, last),
+        };
+        let made = nodes.iter().enumerate().flat_map(|(i, node)| node.outputs.iter().map(move |v| (i, *v)));
+        let lives: Vec<_> = made.map(|(i, v)| (plan.place(v), life(i, v))).collect();
+        for (n, (place, (from, to))) in lives.iter().enumerate() {
+            let Place::Arena(buffer) = place else { continue };
+            let meets = |(other, (a, b)): &(Place, (usize, usize))| other == place && a <= to && from <= b;
+            assert!(!lives[n + 1..].iter().any(meets), "buffer {buffer} at nodes {from} to {to}, {parts} parts");
+        }
+    }
+}
+
+#[test]
 fn a_value_moves_to_another_buffer_to_make_room() {
     use omnix_kernels::resize::{Corners, Filter};
 

@@ -4,7 +4,6 @@
 use std::ops::ControlFlow;
 
 use omnix::bench::RandomWeights;
-
 use omnix_graph::{Bindings, Executable, Graph, ParameterSource as _, Plan, PlanOptions, WeightStore};
 use omnix_kernels::Caps;
 use omnix_model::{HeadSpec, ModelError, MotionSpec, Network, NetworkConfig, SamplingSpec};

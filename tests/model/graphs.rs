@@ -173,7 +173,7 @@ fn blocks_run_in_chunks() {
     let (g, _) = backbone(&Network::new(config), &spec(4, (20, 36)));
     let fused = fuse(&g);
     let mut chained = 0;
-    for segment in segments(&fused, 256, false) {
+    for segment in segments(&fused, 0, 256, false) {
         for i in segment.nodes.clone() {
             let Op::Attention(attention) = &fused.nodes()[i].op else { continue };
             chained += 1;

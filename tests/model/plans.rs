@@ -74,17 +74,32 @@ fn chunks_leave_five_streams_in_memory() {
     assert_eq!(whole.flops(), cut.flops());
 }
 
-/// Weights that pass through: a few matrices; where chains go in chunks, those of half a block. Chains that end more often cost no
-/// memory of their own.
+/// Weights that pass through: a few matrices; where chains go in chunks, those of half a block.
 #[test]
 fn a_giant_network_holds_few_of_its_weights() {
     for parts in [1, 64] {
         let options = PlanOptions { parts, ..PlanOptions::default() };
         let plan = |streamed| backbone_with(NetworkConfig::giant(), 16, &PlanOptions { streamed, ..options });
         let (stay, pass) = (plan(false), plan(true));
-        let (passing, all) = (pass.streamed_weight_bytes(), pass.weight_bytes());
+        let (passing, all) = (pass.resident_weight_bytes(), pass.weight_bytes());
         assert!(passing * 30 < all, "{} of {} MiB in {parts} parts", passing >> 20, all >> 20);
         assert_eq!(all, stay.weight_bytes());
         assert!(pass.working_bytes() <= stay.working_bytes(), "{} MiB", pass.working_bytes() >> 20);
     }
+}
+
+/// Where the values between short chains would take more than the weights of a long one, chains stay long.
+#[test]
+fn short_chains_are_taken_only_where_they_save_memory() {
+    let config = NetworkConfig::from_json(&crate::fixture::nano()).unwrap();
+    let mut graph = Graph::new();
+    let spec = omnix_model::MotionSpec { images: 64, grid: (20, 36), times: (0..64).map(|i| (0, i)).collect() };
+    Network::new(config).motion(&mut graph, &spec).unwrap();
+    let plan = |streamed| {
+        let options = PlanOptions { parts: 64, streamed, ..PlanOptions::default() };
+        Plan::new(&graph, &Caps::lavapipe(), &options).unwrap()
+    };
+    let taken = |plan: &Plan| plan.working_bytes() + plan.resident_weight_bytes();
+    let (stay, pass) = (taken(&plan(false)), taken(&plan(true)));
+    assert!(pass <= stay, "{} for {} MiB", pass >> 20, stay >> 20);
 }

@@ -108,7 +108,7 @@ pub(crate) fn request(args: &RunArgs, images: usize, width: u32, height: u32) ->
         rays: args.cameras == Cameras::Rays,
         storage: args.weights_type.into(),
         budget: args.memory_budget,
-        // One run: a stage's weights leave when it is done.
+        // One run: weights pass through, or leave when their stage is done.
         keep_weights: false,
         ..Request::new(images, height as usize, width as usize)
     }

@@ -1,4 +1,4 @@
-//! A plan on a device: buffers, bind groups, and the encoding of a run.
+//! A plan on a device with weights that stay: bind groups, and the encoding of a run.
 
 use std::ops::{ControlFlow, Deref, Range};
 
@@ -7,7 +7,6 @@ use omnix_kernels::{Gpu, Program};
 use crate::error::GraphError;
 use crate::plan::{Plan, node_flops};
 use crate::record::{Recorded, record};
-
 use crate::tensors::{Bindings, Tensors};
 use crate::weights::WeightStore;
 

@@ -1,27 +1,20 @@
 //! What a plan computes from parameters and constants alone, such as the position table at the images' size: once an
-//! [`crate::Executable`], not once a run.
+//! [`crate::Executable`], not once a run. Where weights pass through a plan runs once, and these nodes are a part of it.
 
 use crate::graph::{Graph, Node, Source};
 
-/// Moves the nodes that no input reaches to the front, in their order.
-pub(crate) fn to_front(graph: &mut Graph) {
+/// Moves the nodes that no input reaches to the front, in their order; gives their number.
+pub(crate) fn to_front(graph: &mut Graph) -> usize {
     let mut fixed = Vec::with_capacity(graph.nodes.len());
     for node in &graph.nodes {
         fixed.push(is_fixed(graph, node, |i| fixed[i]));
     }
     let nodes = std::mem::take(&mut graph.nodes).into_iter().zip(fixed);
     let (first, others): (Vec<_>, Vec<_>) = nodes.partition(|(_, fixed)| *fixed);
+    let count = first.len();
     graph.nodes = first.into_iter().chain(others).map(|(node, _)| node).collect();
     for (i, node) in graph.nodes.iter().enumerate() {
         node.outputs.iter().for_each(|v| graph.values[v.0 as usize].source = Source::Node(i));
-    }
-}
-
-/// How many nodes at the front no input reaches.
-pub(crate) fn leading(graph: &Graph) -> usize {
-    let mut count = 0;
-    while graph.nodes.get(count).is_some_and(|node| is_fixed(graph, node, |i| i < count)) {
-        count += 1;
     }
     count
 }

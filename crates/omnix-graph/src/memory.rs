@@ -8,7 +8,6 @@ use omnix_kernels::caps::UNIFORM_WINDOW;
 use omnix_kernels::dispatch::round_up;
 
 use crate::error::GraphError;
-use crate::fixed;
 use crate::graph::{Graph, Source, Value};
 use crate::op::Op;
 use crate::schedule::{Segment, last_uses};
@@ -65,11 +64,17 @@ impl Life {
     }
 }
 
-/// Assigns buffers when every chain goes in about `parts` parts.
+/// Assigns buffers when every chain goes in about `parts` parts and the `fixed` first nodes run once, before all runs.
 ///
 /// # Errors
 /// When a value is larger than `max_buffer`.
-pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64) -> Result<MemoryPlan, GraphError> {
+pub fn assign(
+    graph: &Graph,
+    segments: &[Segment],
+    fixed: usize,
+    parts: usize,
+    max_buffer: u64,
+) -> Result<MemoryPlan, GraphError> {
     let n = graph.values.len();
     let mut plan =
         MemoryPlan { places: vec![Place::Unused; n], bytes: vec![0; n], arena: Vec::new(), own: 0, constants: 0 };
@@ -84,7 +89,7 @@ pub fn assign(graph: &Graph, segments: &[Segment], parts: usize, max_buffer: u64
         let segment = &segments[segment_of[i]];
         if segment.chain.is_some() && parts > 1 { segment.nodes.clone() } else { i..i + 1 }
     };
-    let (used, fixed) = (used_roots(graph), fixed::leading(graph));
+    let used = used_roots(graph);
     let mut lives = Vec::new();
     for root in (0..n).filter(|r| used[*r]) {
         let info = &graph.values[root];
@@ -188,7 +193,8 @@ fn share(plan: &mut MemoryPlan, mut lives: Vec<Life>) {
         buffers[buffer].tenants.push(life);
     }
     for (i, buffer) in buffers.iter().enumerate() {
-        plan.arena.push(buffer.bytes);
+        // The largest may have moved.
+        plan.arena.push(buffer.tenants.iter().map(|life| life.bytes).max().unwrap_or(0));
         buffer.tenants.iter().for_each(|life| plan.places[life.root] = Place::Arena(i));
     }
 }

@@ -41,7 +41,7 @@ impl Default for PlanOptions {
 pub struct Plan {
     /// The fused graph.
     pub graph: Graph,
-    /// So many nodes at the front depend on parameters and constants alone; they are no part of a run.
+    /// So many nodes at the front depend on parameters and constants alone; they are no part of a run. 0 where weights pass through.
     pub fixed: usize,
     /// Its nodes in chains.
     pub segments: Vec<Segment>,
@@ -51,6 +51,8 @@ pub struct Plan {
     pub memory: MemoryPlan,
     /// The device's facts.
     pub caps: Caps,
+    /// Whether weights pass through ([`crate::Streamed`]).
+    pub streamed: bool,
     /// How matrices are stored.
     pub storage: WeightType,
     /// The parameters in the form they are stored, in order of first use.
@@ -68,20 +70,30 @@ impl Plan {
     pub fn new(graph: &Graph, caps: &Caps, options: &PlanOptions) -> Result<Self, GraphError> {
         let mut graph = if options.fuse { fuse(graph) } else { graph.clone() };
         algorithm::choose(&mut graph, caps, options.storage);
-        fixed::to_front(&mut graph);
-        let segments = segments(&graph, caps.align, options.streamed);
-        let (parts, memory) = fit(&graph, &segments, options, caps.max_buffer)?;
+        let fixed = if options.streamed { 0 } else { fixed::to_front(&mut graph) };
+        let Fit { segments, parts, memory, .. } = fit(&graph, fixed, caps, options)?;
         let weights = weights(&graph, options.storage);
         // Operands are as good as the weights.
         let caps = caps.clone().with_f16(caps.f16 && options.storage != WeightType::F32);
-        let fixed = fixed::leading(&graph);
-        Ok(Self { graph, fixed, segments, parts, memory, caps, storage: options.storage, weights })
+        let PlanOptions { streamed, storage, .. } = *options;
+        Ok(Self { graph, fixed, segments, parts, memory, caps, streamed, storage, weights })
     }
 
     /// Bytes of the weights.
     #[must_use]
     pub fn weight_bytes(&self) -> u64 {
         self.weights.iter().map(WeightKey::bytes).sum()
+    }
+
+    /// Bytes of weights on the device while the plan runs: all, or where they pass through those of two stretches. On devices that
+    /// weights are copied to, the copy's source is not counted.
+    #[must_use]
+    pub fn resident_weight_bytes(&self) -> u64 {
+        if self.streamed {
+            passing_bytes(&self.graph, &self.segments, self.parts, self.storage)
+        } else {
+            self.weight_bytes()
+        }
     }
 
     /// Bytes of everything but the weights while the plan runs.
@@ -125,28 +137,63 @@ impl Plan {
     }
 }
 
-/// The fewest parts whose memory fits the budget and the device's largest buffer.
-fn fit(
+/// Chains, the parts they go in, and the memory that takes.
+struct Fit {
+    segments: Vec<Segment>,
+    parts: usize,
+    memory: MemoryPlan,
+    /// Bytes that the budget is for.
+    bytes: u64,
+}
+
+/// The fewest parts whose memory fits the budget and the device's largest buffer. Where weights pass through, short chains need few
+/// weights at once and long ones have less between them: whichever does with fewer parts.
+fn fit(graph: &Graph, fixed: usize, caps: &Caps, options: &PlanOptions) -> Result<Fit, GraphError> {
+    let with = |short| fit_parts(graph, segments(graph, fixed, caps.align, short), fixed, caps, options);
+    let long = with(false);
+    if !options.streamed || long.as_ref().is_ok_and(|fit| fit.parts == 1) {
+        return long;
+    }
+    match (long, with(true)) {
+        (Ok(long), Ok(short)) if (short.parts, short.bytes) < (long.parts, long.bytes) => Ok(short),
+        (Err(GraphError::Budget { least: a, budget }), Err(GraphError::Budget { least: b, .. })) => {
+            Err(GraphError::Budget { budget, least: a.min(b) })
+        }
+        (Err(_), short) => short,
+        (long, _) => long,
+    }
+}
+
+fn fit_parts(
     graph: &Graph,
-    segments: &[Segment],
+    segments: Vec<Segment>,
+    fixed: usize,
+    caps: &Caps,
     options: &PlanOptions,
-    max_buffer: u64,
-) -> Result<(usize, MemoryPlan), GraphError> {
+) -> Result<Fit, GraphError> {
+    let budget = options.budget.unwrap_or(u64::MAX);
+    let weights = |parts| if options.streamed { passing_bytes(graph, &segments, parts, options.storage) } else { 0 };
+    // Depends on whether chains go in chunks, not on how many.
+    let passing = [weights(1), weights(2)];
     let mut parts = options.parts.max(1);
     let mut least = u64::MAX;
     loop {
-        let tried = assign(graph, segments, parts, max_buffer);
-        let weights = if options.streamed { passing_bytes(graph, segments, parts, options.storage) } else { 0 };
-        let fits = |memory: &MemoryPlan| options.budget.is_none_or(|budget| memory.total() + weights <= budget);
-        let fits = tried.as_ref().is_ok_and(fits);
+        let tried = assign(graph, &segments, fixed, parts, caps.max_buffer);
         let smallest = |s: &Segment| s.chain.as_ref().is_none_or(|c| c.chunk_rows(parts) <= c.unit);
         let last = parts >= MAX_PARTS || segments.iter().all(smallest);
-        if fits || (last && tried.is_err()) {
-            return tried.map(|memory| (parts, memory));
+        match tried {
+            Ok(memory) => {
+                let bytes = memory.total() + passing[usize::from(parts > 1)];
+                if bytes <= budget {
+                    return Ok(Fit { segments, parts, memory, bytes });
+                }
+                least = least.min(bytes);
+            }
+            Err(error) if last => return Err(error),
+            Err(_) => {}
         }
-        least = tried.map_or(least, |memory| least.min(memory.total() + weights));
         if last {
-            return Err(GraphError::Budget { budget: options.budget.unwrap_or(u64::MAX), least });
+            return Err(GraphError::Budget { budget, least });
         }
         parts *= 2;
     }

@@ -6,7 +6,6 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use crate::fixed;
 use crate::graph::{Graph, Source, Value};
 use crate::rows::{Access, RowWise, row_wise};
 
@@ -41,12 +40,11 @@ impl Chain {
     }
 }
 
-/// Cuts the nodes of `graph` into segments; every offset of a chunk is a multiple of `align` bytes. A chain needs all its weights at
-/// once: where they pass through (`streamed`), chains also end wherever the fewest bytes go on.
+/// Cuts the nodes of `graph` into segments; every offset of a chunk is a multiple of `align` bytes. The `fixed` first nodes are no
+/// part of a chain. A `short` chain ends where the fewest bytes go on, since it needs all its weights at once.
 #[must_use]
-pub fn segments(graph: &Graph, align: u64, streamed: bool) -> Vec<Segment> {
+pub fn segments(graph: &Graph, fixed: usize, align: u64, short: bool) -> Vec<Segment> {
     let last_use = last_uses(graph);
-    let fixed = fixed::leading(graph);
     let mut out: Vec<Segment> = (0..fixed).map(|at| Segment { nodes: at..at + 1, chain: None }).collect();
     let mut at = fixed;
     while at < graph.nodes.len() {
@@ -72,7 +70,7 @@ pub fn segments(graph: &Graph, align: u64, streamed: bool) -> Vec<Segment> {
         while let Some(i) = escapes(end) {
             end = i;
         }
-        if streamed {
+        if short {
             let ends = (at + 1..=end).filter(|end| escapes(*end).is_none());
             end = ends.min_by_key(|end| bytes_alive(graph, at..*end, &last_use)).unwrap_or(end);
         }

@@ -14,7 +14,8 @@ use crate::schedule::Segment;
 use crate::tensors::{Bindings, Tensors};
 use crate::weights::{ParameterSource, WeightKey, WeightStore};
 
-/// Weights of about so many bytes go to the device at a time; a chain whose weights are more is a stretch of its own.
+/// Weights of about so many bytes go to the device at a time; a node whose weights are more is a stretch of its own, and so is a
+/// chain that goes in chunks.
 const STRETCH: u64 = 4 << 20;
 
 /// A plan with its memory on a device, but for its weights, which pass through while it runs. For plans that run once: every
@@ -65,15 +66,15 @@ impl Streamed {
         for stretch in &self.stretches {
             // The stretch before may still run. The one before that has: its weights were given back when its end was waited for.
             let gpu = self.tensors.gpu();
-            let store = match WeightStore::load(gpu, source, &stretch.weights, &mut |_, _| submissions.listen()) {
-                Ok(store) => store,
-                Err(error) => {
-                    submissions.finish()?;
-                    return Err(error);
-                }
-            };
-            let program = self.tensors.program(&stretch.recorded, &store)?;
-            submissions.submit(&program, &stretch.pieces)?;
+            let loaded = WeightStore::load(gpu, source, &stretch.weights, &mut |_, _| submissions.listen());
+            let ran = loaded.and_then(|store| {
+                let program = self.tensors.program(&stretch.recorded, &store)?;
+                submissions.submit(&program, &stretch.pieces)
+            });
+            if ran.is_err() {
+                submissions.finish()?;
+                return ran;
+            }
         }
         submissions.finish()
     }
@@ -85,14 +86,6 @@ impl Deref for Streamed {
 
     fn deref(&self) -> &Tensors {
         &self.tensors
-    }
-}
-
-impl Plan {
-    /// Bytes of weights on the device at the peak of a [`Streamed`] run.
-    #[must_use]
-    pub fn streamed_weight_bytes(&self) -> u64 {
-        passing_bytes(&self.graph, &self.segments, self.parts, self.storage)
     }
 }
 

@@ -12,7 +12,8 @@ use rayon::prelude::*;
 use crate::error::GraphError;
 use crate::weights::{ParameterSource, WeightKey};
 
-/// Bytes of a buffer: more than a device's allocator would put into one block with others, so that it takes what was planned.
+/// Bytes of a buffer: more than a device's allocator would put into one block with others, so that it takes what was planned. (The
+/// weights of a stretch of [`crate::Streamed`] are less; wgpu's blocks are small, since memory was asked to be.)
 const BUFFER: u64 = 256 << 20;
 /// Bytes of a piece; a larger tensor is a piece of its own.
 const PIECE: u64 = 16 << 20;

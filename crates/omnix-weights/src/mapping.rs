@@ -40,8 +40,11 @@ impl Bytes {
     pub(crate) fn release(&self, range: Range<usize>) {
         #[cfg(unix)]
         if let Self::Mapped(map) = self {
-            let start = range.start - range.start % AROUND;
-            release_pages(map, start..range.end.next_multiple_of(AROUND).min(map.len()));
+            // Counted from address 0, as Linux does.
+            let base = map.as_ptr().addr();
+            let start = ((base + range.start) / AROUND * AROUND).max(base);
+            let end = (base + range.end).next_multiple_of(AROUND).min(base + map.len());
+            release_pages(map, start - base..end - base);
         }
         #[cfg(not(unix))]
         let _ = range;

@@ -113,21 +113,10 @@ impl RunPlan {
         [(&self.backbone, 1), (&self.head, self.head_runs() as u64)].into_iter().chain(motion)
     }
 
-    /// Bytes of the backbone's results beside the inputs of a stage that runs so often.
-    fn held_features(&self, runs: usize) -> u64 {
-        stages::held_features(self.kept, runs)
-    }
-
     /// Bytes of the weights that are on the device when no stage runs.
     fn resting_weights(&self) -> u64 {
         if self.request.keep_weights { self.weight_bytes() } else { 0 }
     }
-}
-
-/// Bytes of weights on the device while a stage with this plan runs, if weights do not stay there. Those of a stage that runs once pass
-/// through.
-pub(crate) fn own_weights(plan: &Plan, runs: usize) -> u64 {
-    if runs == 1 { plan.streamed_weight_bytes() } else { plan.weight_bytes() }
 }
 
 impl MotionPlan {

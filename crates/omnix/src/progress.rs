@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 /// What is being done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Reading, packing and uploading weights.
+    /// Reading, packing and uploading weights that stay while their stage runs; looking through those that do not.
     Weights,
     /// The network over all images.
     Backbone,

@@ -10,7 +10,6 @@ use std::ops::ControlFlow;
 
 use omnix_geometry::Camera;
 use omnix_graph::Bindings;
-
 use omnix_kernels::BufferSlice;
 
 use crate::engine::Engine;
@@ -104,7 +103,7 @@ impl Session {
     fn backbone(&mut self) -> Result<&OnDevice, OmnixError> {
         let made = match self.backbone.take() {
             Some(made) => made,
-            None => self.weights.stage(&self.plan.backbone, 1, &Bindings::default(), &mut crate::quiet())?,
+            None => self.weights.stage(&self.plan.backbone, &Bindings::default(), &mut crate::quiet())?,
         };
         Ok(self.backbone.insert(made))
     }

@@ -1,10 +1,11 @@
 //! What each stage holds, and how a budget is shared out among them.
 
+use omnix_graph::graph::{Source, ValueInfo};
 use omnix_graph::{Graph, GraphError, Plan, PlanOptions};
 use omnix_kernels::{Caps, Tier};
 use omnix_model::{BackboneSpec, HeadSpec, MotionSpec, SamplingSpec};
 
-use super::{MotionPlan, OVERHEAD, RunPlan, own_weights};
+use super::{MotionPlan, OVERHEAD, RunPlan};
 use crate::error::OmnixError;
 use crate::field::{self, FieldShape};
 use crate::request::{FieldPlace, Request};
@@ -13,28 +14,33 @@ use crate::weights::Weights;
 /// A field's sizes, and whether it is kept on the device.
 type Place<'a> = (&'a FieldShape, bool);
 
-/// Bytes of the backbone's results `kept` beside the inputs of a stage that runs so often: one that runs once has them as its inputs.
-pub(super) fn held_features(kept: u64, runs: usize) -> u64 {
-    if runs == 1 { 0 } else { kept }
+/// Bytes of the backbone's results `kept` beside a plan that runs so often: one that runs once has those that it reads as its inputs.
+fn held_features(plan: &Plan, runs: usize, kept: u64) -> u64 {
+    let read = |(_, info): (_, &ValueInfo)| {
+        (matches!(info.source, Source::Input) && info.name.starts_with("feat.")).then(|| info.shape.bytes())
+    };
+    let inputs: u64 = plan.graph.values().filter_map(read).sum();
+    kept - if runs == 1 { inputs } else { 0 }
 }
 
 /// Bytes that the head's stage holds beside its plan: features, what the module needs, and staging for the results.
-pub(super) fn head_held(head: &Plan, features: u64, tokens: u64, field: Option<Place<'_>>) -> u64 {
+pub(super) fn head_held(head: &Plan, runs: usize, kept: u64, tokens: u64, field: Option<Place<'_>>) -> u64 {
     let results: u64 = output_sizes(&head.graph).sum();
     let points = field.map_or(0, |(shape, resident)| if resident { shape.all_points() } else { 0 });
-    features + tokens + points + results
+    held_features(head, runs, kept) + tokens + points + results
 }
 
 /// Bytes that the module's stage holds beside its plan, of which features and tokens are inputs.
-pub(super) fn module_held((shape, resident): Place<'_>) -> u64 {
-    if resident { shape.all_points() + shape.all_fields() } else { shape.field_bytes() }
+pub(super) fn module_held(module: &Plan, kept: u64, (shape, resident): Place<'_>) -> u64 {
+    let field = if resident { shape.all_points() + shape.all_fields() } else { shape.field_bytes() };
+    held_features(module, 1, kept) + field
 }
 
 /// Bytes that the sampling head's stage holds beside its plan.
-pub(super) fn sampling_held(sampling: &Plan, features: u64, (shape, resident): Place<'_>) -> u64 {
+pub(super) fn sampling_held(sampling: &Plan, runs: usize, kept: u64, (shape, resident): Place<'_>) -> u64 {
     // Results are read back one by one; offsets and weights only where they go to a file.
     let staging = if resident { shape.pixels() as u64 * 4 } else { output_sizes(&sampling.graph).max().unwrap_or(0) };
-    features + staging + if resident { shape.bytes() } else { 0 }
+    held_features(sampling, runs, kept) + staging + if resident { shape.bytes() } else { 0 }
 }
 
 fn output_sizes(graph: &Graph) -> impl Iterator<Item = u64> + '_ {
@@ -117,10 +123,9 @@ impl Budget {
         free: &Plan,
         held: u64,
     ) -> Result<Option<Plan>, OmnixError> {
-        // Weights that do not stay pass through, and are part of the plan.
+        // Weights that pass through are part of the plan.
         let Some(room) = self.room(0, held) else { return Ok(Some(free.clone())) };
-        let streamed = self.resting.is_none();
-        match Plan::new(graph, caps, &PlanOptions { budget: Some(room), streamed, ..*options }) {
+        match Plan::new(graph, caps, &PlanOptions { budget: Some(room), ..*options }) {
             Ok(plan) => Ok(Some(plan)),
             Err(GraphError::Budget { least, .. }) => {
                 self.needs(0, held + least);
@@ -130,37 +135,43 @@ impl Budget {
         }
     }
 
-    /// A graph over a few images: as many as fit, from `most` down; none if not even one does.
+    /// A graph over a few images: as many as were `wanted`, or fit, from as many down as are usual; none if no number does. All at once
+    /// is tried last: weights may pass through then, and what the backbone made is not held twice.
     fn few(
         &mut self,
-        most: usize,
-        plan: impl Fn(usize) -> Result<Plan, OmnixError>,
+        (wanted, usual): (Option<usize>, usize),
+        plan: impl Fn(usize, bool) -> Result<Plan, OmnixError>,
         held: impl Fn(&Plan, usize) -> u64,
     ) -> Result<Option<(Plan, usize)>, OmnixError> {
-        let mut count = most;
-        loop {
-            let tried = plan(count)?;
+        let most = wanted.unwrap_or(usual).clamp(1, self.images);
+        let all = (wanted.is_none() && most < self.images).then_some(self.images);
+        let mut least = u64::MAX;
+        for count in (1..=most).rev().chain(all) {
             let runs = self.images.div_ceil(count);
-            let (weights, bytes) = (own_weights(&tried, runs), tried.working_bytes() + held(&tried, runs));
+            let tried = match plan(count, self.resting.is_none() && runs == 1) {
+                // So many are too large for a buffer.
+                Err(_) if count > most => continue,
+                tried => tried?,
+            };
+            let (weights, bytes) = (tried.resident_weight_bytes(), tried.working_bytes() + held(&tried, runs));
             if self.fits(weights, bytes) {
                 return Ok(Some((tried, count)));
             }
-            if count == 1 {
-                self.needs(weights, bytes);
-                return Ok(None);
-            }
-            count -= 1;
+            least = least.min(self.fixed(weights) + bytes);
         }
+        self.least = self.least.max(least);
+        Ok(None)
     }
 }
 
 /// Plans all stages.
 pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<RunPlan, OmnixError> {
-    let options = PlanOptions { storage: request.storage, parts: request.parts, ..PlanOptions::default() };
-    let few = PlanOptions { parts: 1, ..options };
+    let streamed = !request.keep_weights;
+    let options = PlanOptions { storage: request.storage, parts: request.parts, streamed, ..PlanOptions::default() };
     let usual = if caps.tier == Tier::Gpu { 4 } else { 1 };
-    let most = |wanted: Option<usize>| wanted.unwrap_or(usual).clamp(1, request.images);
-    let plan_head = |frames| Ok(Plan::new(&head(weights, request, frames)?, caps, &few)?);
+    let plan_head = |frames, streamed| {
+        Ok(Plan::new(&head(weights, request, frames)?, caps, &PlanOptions { parts: 1, streamed, ..options })?)
+    };
 
     let backbone = backbone(weights, request)?;
     let kept: u64 = output_sizes(&backbone).sum();
@@ -168,7 +179,7 @@ pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<
     let motion = if request.motion { Some(Motion::new(weights, request, caps, &options)?) } else { None };
     let resting = if request.keep_weights {
         let motion = motion.as_ref().map_or(0, |m| m.module.weight_bytes() + m.sampling.weight_bytes());
-        Some(free.weight_bytes() + plan_head(1)?.weight_bytes() + motion)
+        Some(free.weight_bytes() + plan_head(1, false)?.weight_bytes() + motion)
     } else {
         None
     };
@@ -185,10 +196,10 @@ pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<
     for &resident in places {
         budget.least = before;
         let place = motion.as_ref().map(|m| (&m.shape, resident));
-        let held = |plan: &Plan, runs| head_held(plan, held_features(kept, runs), tokens, place);
-        let head = budget.few(most(request.head_images), plan_head, held)?;
+        let held = |plan: &Plan, runs| head_held(plan, runs, kept, tokens, place);
+        let head = budget.few((request.head_images, usual), plan_head, held)?;
         let moving = match &motion {
-            Some(motion) => motion.plan(&mut budget, kept, resident, most(request.sampling_images))?,
+            Some(motion) => motion.plan(&mut budget, kept, resident, usual)?,
             None => None,
         };
         if let (Some(backbone), Some((head, head_images))) = (&planned, head)
@@ -240,16 +251,17 @@ impl<'a> Motion<'a> {
         budget: &mut Budget,
         kept: u64,
         resident: bool,
-        most: usize,
+        usual: usize,
     ) -> Result<Option<MotionPlan>, OmnixError> {
         let place = (&self.shape, resident);
-        let module = budget.whole(&self.graph, self.caps, &self.options, &self.module, module_held(place))?;
-        let plan = |frames| {
+        let held = module_held(&self.module, kept, place);
+        let module = budget.whole(&self.graph, self.caps, &self.options, &self.module, held)?;
+        let plan = |frames, streamed| {
             let graph = sampling(self.weights, self.request, frames)?;
-            Ok(Plan::new(&graph, self.caps, &PlanOptions { parts: 1, ..self.options })?)
+            Ok(Plan::new(&graph, self.caps, &PlanOptions { parts: 1, streamed, ..self.options })?)
         };
-        let held = |plan: &Plan, runs| sampling_held(plan, held_features(kept, runs), place);
-        let sampling = budget.few(most, plan, held)?;
+        let held = |plan: &Plan, runs| sampling_held(plan, runs, kept, place);
+        let sampling = budget.few((self.request.sampling_images, usual), plan, held)?;
         let store = if resident { self.shape.bytes() } else { 0 };
         let room = budget.room(0, store);
         let motion = field::motion_of(self.weights)?;

@@ -3,7 +3,7 @@
 use omnix_graph::Plan;
 use serde::Serialize;
 
-use super::{OVERHEAD, RunPlan, own_weights, stages};
+use super::{OVERHEAD, RunPlan, stages};
 
 /// A plan in numbers.
 #[derive(Clone, Debug, Serialize)]
@@ -64,7 +64,7 @@ impl RunPlan {
         let weights = |own: u64| if self.request.keep_weights { self.weight_bytes() } else { own };
         let stage = |name, plan: &Plan, held: u64, count: usize| {
             let runs = images.div_ceil(count);
-            let weight_bytes = weights(own_weights(plan, runs));
+            let weight_bytes = weights(plan.resident_weight_bytes());
             let mut chunk_rows: Vec<usize> = plan.chunks().into_iter().map(|(_, _, rows)| rows).collect();
             chunk_rows.sort_unstable();
             chunk_rows.dedup();
@@ -84,14 +84,13 @@ impl RunPlan {
         stages.push(stage(
             "head",
             &self.head,
-            stages::head_held(&self.head, self.held_features(self.head_runs()), tokens, field),
+            stages::head_held(&self.head, self.head_runs(), self.kept, tokens, field),
             self.head_images,
         ));
         if let Some(motion) = &self.motion {
             let place = (&motion.shape, motion.resident);
-            stages.push(stage("motion", &motion.module, stages::module_held(place), images));
-            let features = self.held_features(motion.sampling_runs());
-            let held = stages::sampling_held(&motion.sampling, features, place);
+            stages.push(stage("motion", &motion.module, stages::module_held(&motion.module, self.kept, place), images));
+            let held = stages::sampling_held(&motion.sampling, motion.sampling_runs(), self.kept, place);
             stages.push(stage("sampling", &motion.sampling, held, motion.sampling_images));
             let weight_bytes = weights(0);
             stages.push(StageSummary {

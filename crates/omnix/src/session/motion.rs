@@ -2,7 +2,6 @@
 
 use omnix_geometry::{Camera, corner_rays};
 use omnix_graph::Tensors;
-
 use omnix_graph::op::Motion;
 use omnix_kernels::{BufferSlice, Gpu, run};
 
@@ -124,7 +123,7 @@ impl Session {
         let Some(plan) = &self.plan.motion else { return Ok(()) };
         let mut bindings = inputs(&kept.features, 1);
         bindings.extend(making.tokens.take().map(|tokens| (TOKENS.to_owned(), tokens)));
-        let module = self.weights.stage(&plan.module, 1, &bindings, progress)?;
+        let module = self.weights.stage(&plan.module, &bindings, progress)?;
         module.run(&mut |done, total| progress(Progress { phase: Phase::Motion, done, total }))?;
         for image in 0..making.shape.images {
             making.store.put(image, Part::Field, &part(&module, "field", image, making.shape.images)?)?;
@@ -144,14 +143,17 @@ impl Session {
         let Some(plan) = &self.plan.motion else { return Ok(Vec::new()) };
         let (images, step) = (self.plan.request.images, plan.sampling_images);
         let gpu = self.engine.gpu();
-        let (runs, bindings) = (plan.sampling_runs(), inputs(&kept.features, plan.sampling_runs()));
-        let sampling = self.weights.stage(&plan.sampling, runs, &bindings, progress)?;
+        let runs = plan.sampling_runs();
+        let bindings = inputs(&kept.features, runs);
+        let sampling = self.weights.stage(&plan.sampling, &bindings, progress)?;
         let flops = sampling.plan().flops();
         let total = flops * runs as u64;
         let mut confidence = Vec::with_capacity(images);
         for first in (0..images).step_by(step) {
             let count = step.min(images - first);
-            self.fill(&sampling, &kept.features, first, count)?;
+            if runs > 1 {
+                self.fill(&sampling, &kept.features, first, count)?;
+            }
             for i in 0..count {
                 for which in [Part::Field, Part::Mask] {
                     making.store.give(first + i, which, &part(&sampling, which.name(), i, step)?)?;

@@ -31,7 +31,7 @@ pub(super) struct SessionWeights {
 #[derive(Debug)]
 pub(super) enum OnDevice {
     /// Its weights are there.
-    Kept(Executable),
+    Loaded(Executable),
     /// Its weights come while it runs.
     Streamed(Streamed, Box<Weights>),
 }
@@ -61,26 +61,25 @@ impl SessionWeights {
         &self.weights
     }
 
-    /// Makes a stage ready that runs so often in a run. Whoever has the stage before lets go of it first.
+    /// Makes a stage ready. Whoever has the stage before lets go of it first.
     pub(super) fn stage(
         &self,
         plan: &Plan,
-        runs: usize,
         bindings: &Bindings,
         progress: Listener<'_>,
     ) -> Result<OnDevice, OmnixError> {
         if let Some(store) = &self.kept {
-            return Ok(OnDevice::Kept(Executable::new(&self.gpu, plan.clone(), store, bindings)?));
+            return Ok(OnDevice::Loaded(Executable::new(&self.gpu, plan.clone(), store, bindings)?));
         }
         // Buffers are given back when the device is next waited for.
         self.gpu.wait()?;
-        if runs == 1 {
+        if plan.streamed {
             let streamed = Streamed::new(&self.gpu, plan.clone(), bindings)?;
             return Ok(OnDevice::Streamed(streamed, Box::new(self.weights.clone())));
         }
         let mut report = |done, total| progress(Progress { phase: Phase::Weights, done, total });
         let store = WeightStore::load(&self.gpu, &self.weights, &plan.weights, &mut report)?;
-        Ok(OnDevice::Kept(Executable::new(&self.gpu, plan.clone(), &store, bindings)?))
+        Ok(OnDevice::Loaded(Executable::new(&self.gpu, plan.clone(), &store, bindings)?))
     }
 }
 
@@ -88,7 +87,7 @@ impl OnDevice {
     /// Runs and waits, see [`Executable::run`].
     pub(super) fn run(&self, progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>) -> Result<(), GraphError> {
         match self {
-            Self::Kept(executable) => executable.run(progress),
+            Self::Loaded(executable) => executable.run(progress),
             Self::Streamed(streamed, weights) => streamed.run(&**weights, progress),
         }
     }
@@ -99,7 +98,7 @@ impl Deref for OnDevice {
 
     fn deref(&self) -> &Tensors {
         match self {
-            Self::Kept(executable) => executable,
+            Self::Loaded(executable) => executable,
             Self::Streamed(streamed, _) => streamed,
         }
     }
@@ -111,7 +110,8 @@ fn look_through(
     keys: &[WeightKey],
     report: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
 ) -> Result<(), OmnixError> {
-    let sizes: BTreeMap<&str, u64> = keys.iter().map(|key| (&*key.parameter.name, key.bytes())).collect();
+    let mut sizes: BTreeMap<&str, u64> = BTreeMap::new();
+    keys.iter().for_each(|key| *sizes.entry(&key.parameter.name).or_default() += key.bytes());
     let total = sizes.values().sum();
     let (mut done, mut group) = (0, Vec::new());
     let mut left = sizes.len();

@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 
 use omnix_geometry::{Camera, align_cameras, decode_pose_code, encode_pose_code, normalise_extrinsics};
-
 use omnix_graph::{Bindings, GraphError, Tensors};
 use omnix_kernels::BufferSlice;
 
@@ -65,12 +64,15 @@ impl Session {
         results: &mut dyn Results,
     ) -> Result<(), OmnixError> {
         let (images, step) = (self.plan.request.images, self.plan.head_images);
-        let (runs, bindings) = (self.plan.head_runs(), inputs(&kept.features, self.plan.head_runs()));
-        let head = self.weights.stage(&self.plan.head, runs, &bindings, progress)?;
+        let runs = self.plan.head_runs();
+        let bindings = inputs(&kept.features, runs);
+        let head = self.weights.stage(&self.plan.head, &bindings, progress)?;
         let total = self.plan.head_flops();
         for first in (0..images).step_by(step) {
             let count = step.min(images - first);
-            self.fill(&head, &kept.features, first, count)?;
+            if runs > 1 {
+                self.fill(&head, &kept.features, first, count)?;
+            }
             if let Some(motion) = &motion {
                 motion.fill_head(&head, &kept.cameras, first, count)?;
             }
@@ -108,8 +110,7 @@ impl Session {
         results.finish()
     }
 
-    /// Copies the features of images `first..first + count` into the inputs of a stage over a few images. One over all of them has
-    /// them as its inputs ([`inputs`]).
+    /// Copies the features of images `first..first + count` into the inputs of a stage over a few images.
     pub(super) fn fill(
         &self,
         stage: &Tensors,
@@ -117,9 +118,6 @@ impl Session {
         first: usize,
         count: usize,
     ) -> Result<(), OmnixError> {
-        if count == self.plan.request.images {
-            return Ok(());
-        }
         let gpu = self.engine.gpu();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (k, feature) in features.iter().enumerate() {
