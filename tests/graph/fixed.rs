@@ -85,3 +85,22 @@ fn every_run_reads_what_was_computed_once() {
     gpu().queue.submit([encoder.finish()]);
     assert_eq!(run(gpu(), &graph, &PlanOptions::default()), again.read("y").expect("reads"));
 }
+
+#[test]
+fn an_output_that_no_input_reaches_is_written_by_every_run() {
+    let mut g = Graph::new();
+    let table = g.parameter("table", [16, 32]);
+    let y = g.map(Unary::Relu, table);
+    g.output(y, "y");
+    let executable = prepare(gpu(), &g, &PlanOptions::default());
+    let once = |overwrite: bool| {
+        if overwrite {
+            let slice = executable.slice("y").expect("an output");
+            gpu().queue.write_buffer(&slice.buffer, slice.offset, &vec![0xff; slice.size as usize]);
+        }
+        executable.run(&mut |_, _| ControlFlow::Continue(())).expect("runs");
+        executable.read("y").expect("reads")
+    };
+    let first = once(false);
+    assert!(first.iter().any(|v| *v > 0.0) && first == once(true));
+}

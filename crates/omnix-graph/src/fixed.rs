@@ -3,11 +3,14 @@
 
 use crate::graph::{Graph, Node, Source};
 
-/// Moves the nodes that no input reaches to the front, in their order; gives their number.
+/// Moves the nodes that no input reaches to the front, in their order; gives their number. Those that make outputs stay: the host may
+/// write over an output between two runs.
 pub(crate) fn to_front(graph: &mut Graph) -> usize {
+    let outputs: Vec<_> = graph.outputs.iter().map(|v| graph.root(*v)).collect();
     let mut fixed = Vec::with_capacity(graph.nodes.len());
     for node in &graph.nodes {
-        fixed.push(is_fixed(graph, node, |i| fixed[i]));
+        let inside = node.outputs.iter().all(|v| !outputs.contains(v));
+        fixed.push(inside && is_fixed(graph, node, |i| fixed[i]));
     }
     let nodes = std::mem::take(&mut graph.nodes).into_iter().zip(fixed);
     let (first, others): (Vec<_>, Vec<_>) = nodes.partition(|(_, fixed)| *fixed);

@@ -90,7 +90,7 @@ impl Plan {
     #[must_use]
     pub fn resident_weight_bytes(&self) -> u64 {
         if self.streamed {
-            passing_bytes(&self.graph, &self.segments, self.parts, self.storage)
+            passing_bytes(&self.graph, &self.segments, self.parts, self.storage, &self.caps)
         } else {
             self.weight_bytes()
         }
@@ -172,7 +172,8 @@ fn fit_parts(
     options: &PlanOptions,
 ) -> Result<Fit, GraphError> {
     let budget = options.budget.unwrap_or(u64::MAX);
-    let weights = |parts| if options.streamed { passing_bytes(graph, &segments, parts, options.storage) } else { 0 };
+    let weights =
+        |parts| if options.streamed { passing_bytes(graph, &segments, parts, options.storage, caps) } else { 0 };
     // Depends on whether chains go in chunks, not on how many.
     let passing = [weights(1), weights(2)];
     let mut parts = options.parts.max(1);

@@ -3,7 +3,8 @@
 
 use std::ops::{ControlFlow, Deref, Range};
 
-use omnix_kernels::{Gpu, WeightType};
+use omnix_kernels::caps::UNIFORM_WINDOW;
+use omnix_kernels::{Caps, Gpu, WeightType};
 
 use crate::error::GraphError;
 use crate::exec::{Piece, Submissions, pieces};
@@ -35,11 +36,12 @@ struct Calls {
 }
 
 impl Streamed {
-    /// Allocates the plan's buffers and makes its pipelines.
+    /// Allocates the buffers of a plan made for passing weights ([`crate::PlanOptions::streamed`]) and makes its pipelines.
     ///
     /// # Errors
     /// As [`crate::Executable::new`].
     pub fn new(gpu: &Gpu, plan: Plan, bindings: &Bindings) -> Result<Self, GraphError> {
+        debug_assert!(plan.streamed, "BUG: a plan for weights that stay");
         let mut recorded = record(&plan)?;
         for dispatch in recorded.iter().flat_map(|call| &call.dispatches) {
             gpu.prepare(dispatch)?;
@@ -89,9 +91,17 @@ impl Deref for Streamed {
     }
 }
 
-/// Bytes of the two neighbouring stretches with the most weights.
-pub(crate) fn passing_bytes(graph: &Graph, segments: &[Segment], parts: usize, storage: WeightType) -> u64 {
-    let bytes: Vec<u64> = stretches(graph, segments, parts, storage).iter().map(Stretch::bytes).collect();
+/// Bytes of the two neighbouring stretches with the most weights, as they are uploaded.
+pub(crate) fn passing_bytes(
+    graph: &Graph,
+    segments: &[Segment],
+    parts: usize,
+    storage: WeightType,
+    caps: &Caps,
+) -> u64 {
+    let window = if caps.weight_windows() { UNIFORM_WINDOW } else { 0 };
+    let uploaded = |stretch: &Stretch| if stretch.weights.is_empty() { 0 } else { stretch.bytes() + window };
+    let bytes: Vec<u64> = stretches(graph, segments, parts, storage).iter().map(uploaded).collect();
     let both = |at: usize| bytes[at] + bytes.get(at + 1).unwrap_or(&0);
     (0..bytes.len()).map(both).max().unwrap_or(0)
 }

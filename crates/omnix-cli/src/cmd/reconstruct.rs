@@ -160,7 +160,7 @@ impl Run<'_> {
     fn work(&mut self, engine: &Engine, plan: RunPlan, unit: &str, ui: &mut Ui) -> Result<(), CliError> {
         let pictures = self.read(ui)?;
         let request = &self.job.request;
-        ui.begin("weights", "loading weights, compiling kernels");
+        ui.begin("weights", "reading weights, compiling kernels");
         let mut heard = |p: omnix::Progress| {
             ui.progress(p.done, p.total);
             stop::flow()
@@ -300,7 +300,7 @@ impl Run<'_> {
 /// What people read of a phase, and its name for machines.
 fn said(phase: Phase) -> (&'static str, &'static str) {
     match phase {
-        Phase::Weights => ("weights", "loading weights"),
+        Phase::Weights => ("weights", "reading weights"),
         Phase::Backbone => ("backbone", "network over all images"),
         Phase::Head => ("head", "depth, image by image"),
         Phase::Motion => ("motion", "what moves, over all images"),

@@ -97,21 +97,21 @@ struct Budget {
 impl Budget {
     /// Bytes that a stage with these weights and these results held may take for its plan.
     fn room(&self, weights: u64, held: u64) -> Option<u64> {
-        Some(self.bytes?.saturating_sub(self.fixed(weights) + held))
+        Some(self.bytes?.saturating_sub(self.beside_plan(weights) + held))
     }
 
-    fn fixed(&self, weights: u64) -> u64 {
+    fn beside_plan(&self, weights: u64) -> u64 {
         self.resting.unwrap_or(weights) + OVERHEAD
     }
 
     /// Whether a stage fits that takes so much beside its weights.
     fn fits(&self, weights: u64, bytes: u64) -> bool {
-        self.bytes.is_none_or(|budget| self.fixed(weights) + bytes <= budget)
+        self.bytes.is_none_or(|budget| self.beside_plan(weights) + bytes <= budget)
     }
 
     /// Notes what a stage needs at least, beside its weights.
     fn needs(&mut self, weights: u64, bytes: u64) {
-        self.least = self.least.max(self.fixed(weights) + bytes);
+        self.least = self.least.max(self.beside_plan(weights) + bytes);
     }
 
     /// One graph over all images, its chains cut as fine as the budget wants; none if that is too small.
@@ -149,15 +149,14 @@ impl Budget {
         for count in (1..=most).rev().chain(all) {
             let runs = self.images.div_ceil(count);
             let tried = match plan(count, self.resting.is_none() && runs == 1) {
-                // So many are too large for a buffer.
-                Err(_) if count > most => continue,
+                Err(OmnixError::Graph(GraphError::TensorTooLarge { .. })) if count > most => continue,
                 tried => tried?,
             };
             let (weights, bytes) = (tried.resident_weight_bytes(), tried.working_bytes() + held(&tried, runs));
             if self.fits(weights, bytes) {
                 return Ok(Some((tried, count)));
             }
-            least = least.min(self.fixed(weights) + bytes);
+            least = least.min(self.beside_plan(weights) + bytes);
         }
         self.least = self.least.max(least);
         Ok(None)
