@@ -96,7 +96,8 @@ fn in_place(
     Ok(())
 }
 
-/// Writes a buffer through staging memory. Two pieces are in memory at a time, and the packed third.
+/// Writes a buffer through staging memory. Two pieces are in memory at a time, and the packed third. The last may still be on its way
+/// when this returns: what is submitted next comes after it, and a device that has work is not waited for.
 fn staged(
     gpu: &Gpu,
     buffer: &wgpu::Buffer,
@@ -121,7 +122,7 @@ fn staged(
         }
         offset += bytes(piece);
     }
-    copying.map_or(Ok(()), |copy| Ok(gpu.wait_for(copy)?))
+    Ok(())
 }
 
 /// Reads and packs `keys` on all processors, one after another into `room`. Of several that fail the first is reported.
