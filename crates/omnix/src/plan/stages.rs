@@ -95,11 +95,12 @@ struct Budget {
 }
 
 impl Budget {
-    /// Bytes that a stage with these weights and these results held may take for its plan.
-    fn room(&self, weights: u64, held: u64) -> Option<u64> {
-        Some(self.bytes?.saturating_sub(self.beside_plan(weights) + held))
+    /// Bytes that a stage with these results held may take for its plan, weights that pass through included.
+    fn room(&self, held: u64) -> Option<u64> {
+        Some(self.bytes?.saturating_sub(self.beside_plan(0) + held))
     }
 
+    /// Bytes of the weights in a stage that has these of its own, and of what every stage needs.
     fn beside_plan(&self, weights: u64) -> u64 {
         self.resting.unwrap_or(weights) + OVERHEAD
     }
@@ -109,9 +110,9 @@ impl Budget {
         self.bytes.is_none_or(|budget| self.beside_plan(weights) + bytes <= budget)
     }
 
-    /// Notes what a stage needs at least, beside its weights.
-    fn needs(&mut self, weights: u64, bytes: u64) {
-        self.least = self.least.max(self.beside_plan(weights) + bytes);
+    /// Notes what a stage needs at least, weights that pass through included.
+    fn needs(&mut self, bytes: u64) {
+        self.least = self.least.max(self.beside_plan(0) + bytes);
     }
 
     /// One graph over all images, its chains cut as fine as the budget wants; none if that is too small.
@@ -123,12 +124,11 @@ impl Budget {
         free: &Plan,
         held: u64,
     ) -> Result<Option<Plan>, OmnixError> {
-        // Weights that pass through are part of the plan.
-        let Some(room) = self.room(0, held) else { return Ok(Some(free.clone())) };
+        let Some(room) = self.room(held) else { return Ok(Some(free.clone())) };
         match Plan::new(graph, caps, &PlanOptions { budget: Some(room), ..*options }) {
             Ok(plan) => Ok(Some(plan)),
             Err(GraphError::Budget { least, .. }) => {
-                self.needs(0, held + least);
+                self.needs(held + least);
                 Ok(None)
             }
             Err(error) => Err(error.into()),
@@ -262,10 +262,10 @@ impl<'a> Motion<'a> {
         let held = |plan: &Plan, runs| sampling_held(plan, runs, kept, place);
         let sampling = budget.few((self.request.sampling_images, usual), plan, held)?;
         let store = if resident { self.shape.bytes() } else { 0 };
-        let room = budget.room(0, store);
+        let room = budget.room(store);
         let motion = field::motion_of(self.weights)?;
         let (evaluation, evaluation_bytes) = field::fit(&self.shape, motion, self.caps, resident, room)?;
-        budget.needs(0, store + field::least(&self.shape, motion, self.caps, resident)?);
+        budget.needs(store + field::least(&self.shape, motion, self.caps, resident)?);
         let fits = budget.fits(0, store + evaluation_bytes);
         let (Some(module), Some((sampling, sampling_images)), true) = (module, sampling, fits) else { return Ok(None) };
         let (shape, token_bytes) = (self.shape, self.token_bytes);
