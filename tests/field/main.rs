@@ -6,3 +6,4 @@
 mod bits;
 mod made;
 mod odd;
+mod resident;

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use omnix_graph::op::{Binary, Unary};
+use omnix_graph::profile::profile;
 use omnix_graph::{Graph, Plan, PlanOptions};
 use omnix_kernels::resize::{Corners, Filter};
 use omnix_tests::gpu;
@@ -84,6 +85,20 @@ fn every_run_reads_what_was_computed_once() {
     again.encode(&mut encoder);
     gpu().queue.submit([encoder.finish()]);
     assert_eq!(run(gpu(), &graph, &PlanOptions::default()), again.read("y").expect("reads"));
+}
+
+#[test]
+fn the_profile_of_a_run_names_its_own_nodes() {
+    let graph = table(8, 10, false);
+    let executable = prepare(gpu(), &graph, &PlanOptions::default());
+    feed(&executable, &graph);
+    let plan = executable.plan();
+    let nodes = &plan.graph.nodes()[plan.fixed..];
+    let of_run: Vec<_> = nodes.iter().map(|n| (plan.graph.value_name(n.outputs[0]), n.op.name())).collect();
+    let spans = profile(&executable).expect("profiles");
+    assert_eq!(spans.iter().map(|s| (&*s.name, s.op)).collect::<Vec<_>>(), of_run);
+    assert!(plan.fixed > 0 && spans.iter().all(|s| s.op != "resize"));
+    assert_eq!(run(gpu(), &graph, &PlanOptions::default()), executable.read("y").expect("reads"));
 }
 
 #[test]
