@@ -8,13 +8,9 @@ use omnix::{
     Weights,
 };
 
-use crate::made::{HEIGHT, WIDTH, engine, field, image, request};
+use crate::made::{HEIGHT, WIDTH, bits, engine, field, request, session, show};
 
 const IMAGES: usize = 3;
-
-fn bits(numbers: &[f32]) -> Vec<u32> {
-    numbers.iter().map(|v| v.to_bits()).collect()
-}
 
 /// Everything a field can be asked for.
 fn all(field: &Field) -> Vec<Vec<u32>> {
@@ -67,9 +63,7 @@ fn chunks_of_the_run_change_no_bit() {
 
 /// Everything that a session gives: depths, and the field's paths.
 fn run_of(session: &mut Session) -> Result<Vec<Vec<u32>>, OmnixError> {
-    for i in 0..IMAGES {
-        session.set_image(i, &image(i as u32))?;
-    }
+    show(session, IMAGES);
     let mut found = Vec::new();
     let field = session.run(&mut omnix::quiet(), &mut |frame| {
         found.push(bits(&frame.depth));
@@ -87,15 +81,12 @@ fn a_session_without_weights_of_its_own_runs_again_also_after_a_break() {
     // Through the heads all at once: no stage's weights are loaded beforehand.
     let at_once = Request { head_images: Some(IMAGES), sampling_images: Some(IMAGES), ..apart.clone() };
     for (request, loads) in [(apart, true), (at_once, false)] {
-        let plan = RunPlan::new(&weights, &request, engine.caps()).unwrap();
-        let mut session = Session::new(&engine, &weights, plan, &mut omnix::quiet()).unwrap();
+        let mut session = session(&engine, &weights, &request);
         let first = run_of(&mut session).unwrap();
         for phase in [Phase::Backbone, Phase::Weights, Phase::Head, Phase::Motion, Phase::Sampling] {
             // At the first report of the phase, and at the second, when some of a stage is done.
             for at in 1..=2 {
-                for i in 0..IMAGES {
-                    session.set_image(i, &image(i as u32)).unwrap();
-                }
+                show(&mut session, IMAGES);
                 let mut heard = 0;
                 let mut listen = |p: Progress| {
                     heard += usize::from(p.phase == phase);

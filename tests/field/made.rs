@@ -23,15 +23,26 @@ pub(crate) fn request(images: usize) -> Request {
     Request { motion: true, ..Request::new(images, HEIGHT, WIDTH) }
 }
 
-/// Runs the request over `images` different images.
-pub(crate) fn field(weights: &Weights, request: &Request) -> Field {
-    let engine = engine();
+/// Ready to run the request over different images.
+pub(crate) fn session(engine: &Engine, weights: &Weights, request: &Request) -> Session {
     let plan = RunPlan::new(weights, request, engine.caps()).unwrap();
-    let mut session = Session::new(&engine, weights, plan, &mut omnix::quiet()).unwrap();
-    for i in 0..request.images {
-        session.set_image(i, &image(i as u32)).unwrap();
-    }
-    session.run(&mut omnix::quiet(), &mut |_| Ok(())).unwrap().unwrap()
+    let mut session = Session::new(engine, weights, plan, &mut omnix::quiet()).unwrap();
+    show(&mut session, request.images);
+    session
+}
+
+/// Gives a session its images, which a run uses up.
+pub(crate) fn show(session: &mut Session, images: usize) {
+    (0..images).for_each(|i| session.set_image(i, &image(i as u32)).unwrap());
+}
+
+/// Runs the request over different images.
+pub(crate) fn field(weights: &Weights, request: &Request) -> Field {
+    session(&engine(), weights, request).run(&mut omnix::quiet(), &mut |_| Ok(())).unwrap().unwrap()
+}
+
+pub(crate) fn bits(numbers: &[f32]) -> Vec<u32> {
+    numbers.iter().map(|v| v.to_bits()).collect()
 }
 
 /// The embedded network with its configuration changed by `config` and tensors by `tensor` (its name and numbers).

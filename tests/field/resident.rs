@@ -1,10 +1,10 @@
 //! What stays on the device for a host's own passes has the bits of what is read back, whichever way its weights came, and lives as
 //! long as the host holds it.
 
-use omnix::{Engine, Field, Pixels, Query, Request, RunPlan, Session, Weights};
+use omnix::{Engine, Field, Pixels, Query, Request, Weights};
 use omnix_kernels::{BufferSlice, run};
 
-use crate::made::{HEIGHT, WIDTH, engine, image, request};
+use crate::made::{HEIGHT, WIDTH, bits, engine, request, session};
 
 const IMAGES: usize = 3;
 
@@ -13,22 +13,8 @@ fn engines() -> [Engine; 2] {
     [engine(), Engine::open(std::env::var("OMNIX_DEVICE").ok().as_deref()).unwrap()]
 }
 
-fn session(engine: &Engine, request: &Request) -> Session {
-    let weights = Weights::builtin().unwrap();
-    let plan = RunPlan::new(&weights, request, engine.caps()).unwrap();
-    let mut session = Session::new(engine, &weights, plan, &mut omnix::quiet()).unwrap();
-    for i in 0..IMAGES {
-        session.set_image(i, &image(i as u32)).unwrap();
-    }
-    session
-}
-
 fn read(engine: &Engine, slice: &BufferSlice) -> Vec<u32> {
     run::read(engine.gpu(), slice).unwrap()
-}
-
-fn bits(numbers: &[f32]) -> Vec<u32> {
-    numbers.iter().map(|v| v.to_bits()).collect()
 }
 
 fn query(image: usize) -> Query {
@@ -43,6 +29,7 @@ fn paths(field: &Field) -> Vec<Vec<u32>> {
 
 #[test]
 fn a_run_that_reads_nothing_back_finds_the_same() {
+    let weights = Weights::builtin().unwrap();
     let all_at_once = Request { head_images: Some(IMAGES), sampling_images: Some(IMAGES), ..request(IMAGES) };
     for engine in engines() {
         for request in [
@@ -52,7 +39,7 @@ fn a_run_that_reads_nothing_back_finds_the_same() {
             Request { keep_weights: false, motion: false, rays: true, ..all_at_once.clone() },
         ] {
             let mut expected = Vec::new();
-            let field = session(&engine, &request).run(&mut omnix::quiet(), &mut |frame| {
+            let field = session(&engine, &weights, &request).run(&mut omnix::quiet(), &mut |frame| {
                 let (rays, rays_confidence) = frame.rays.unwrap_or_default();
                 let tensors = [&frame.depth, &frame.confidence, &rays, &rays_confidence].map(|v| bits(v));
                 expected.push((frame.index, tensors, frame.camera));
@@ -60,7 +47,7 @@ fn a_run_that_reads_nothing_back_finds_the_same() {
             });
             let field = field.unwrap();
             let (mut found, mut points) = (Vec::new(), Vec::new());
-            let resident = session(&engine, &request).run_resident(&mut omnix::quiet(), &mut |frame| {
+            let resident = session(&engine, &weights, &request).run_resident(&mut omnix::quiet(), &mut |frame| {
                 let rays = frame.rays.map(|(rays, confidence)| [rays, confidence].map(|slice| read(&engine, &slice)));
                 let [rays, rays_confidence] = rays.unwrap_or_default();
                 let [depth, confidence] = [&frame.depth, &frame.confidence].map(|slice| read(&engine, slice));
@@ -82,15 +69,17 @@ fn a_run_that_reads_nothing_back_finds_the_same() {
 
 #[test]
 fn paths_on_the_device_outlive_what_made_them() {
+    let weights = Weights::builtin().unwrap();
     for engine in engines() {
-        let field = session(&engine, &request(IMAGES)).run(&mut omnix::quiet(), &mut |_| Ok(())).unwrap().unwrap();
+        let field =
+            session(&engine, &weights, &request(IMAGES)).run(&mut omnix::quiet(), &mut |_| Ok(())).unwrap().unwrap();
         let expected = paths(&field);
         let resident: Vec<_> = (0..IMAGES).map(|i| field.resident_paths(&query(i)).unwrap()).collect();
         let none = field.resident_paths(&Query::new(0, Pixels::List(Vec::new()), 0..IMAGES));
         assert!(none.unwrap_err().to_string().contains("no pixels"));
         drop(field);
         // Work that would take memory that was given back too early.
-        session(&engine, &request(IMAGES)).run(&mut omnix::quiet(), &mut |_| Ok(())).unwrap();
+        session(&engine, &weights, &request(IMAGES)).run(&mut omnix::quiet(), &mut |_| Ok(())).unwrap();
         let found: Vec<_> = resident.iter().flat_map(|p| [&p.positions, &p.theta]).map(|s| read(&engine, s)).collect();
         assert!(expected == found);
     }
