@@ -3,7 +3,7 @@
 // the same 8): x reaches it by exclusive-or shuffles, one permutation within half a register where a broadcast takes two.
 //
 // All four k of a row follow one another: the driver's compiler keeps to the order of the text, and with k outermost it made
-// the products of all rows first and spilled them (BENCHMARKS.md, "what the compiled code does").
+// the products of all rows first and spilled them (benches/log/2026-11-28-compiled-code.md).
 #import product_weights
 #for r in 0..$R
 #for j in 0..8

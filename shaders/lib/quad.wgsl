@@ -1,6 +1,6 @@
 // Four floats in a buffer as two 64-bit words: a software rasteriser loads and stores every component of every
 // lane by itself, so half as many components are half the work. Kernels over large tensors gain by it only
-// where they walk memory in order (BENCHMARKS.md, "Kernels that wait for memory").
+// where they walk memory in order (benches/log/2026-11-27-memory-bound-kernels.md).
 alias Quad = vec2<u64>;
 
 // Two neighbouring Quads in one load or store: address, lane mask and binding are looked up once for both.

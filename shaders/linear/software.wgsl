@@ -7,7 +7,7 @@
 //
 // WINDOWS takes w through 64 KiB uniform windows, a dispatch each: a load from one is 3 or 4 instructions a lane without
 // a branch, for 18 from storage. With 16 vector registers and a smaller store of decoded instructions that makes up for the
-// dispatches; with AVX-512 it does not (BENCHMARKS.md).
+// dispatches; with AVX-512 it does not (benches/log/2026-11-28-zen-3.md).
 #import linear_params
 #import grid
 #import tile_walk

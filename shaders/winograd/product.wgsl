@@ -45,7 +45,7 @@ fn main(
     }
     let width = p.co / 4u;
     // A zero that the driver's compiler cannot see. Packed as they are, the sums would live in the halves of 512-bit registers, and
-    // all of them be spilled and loaded as 512 bits in every turn of the loop (BENCHMARKS.md, "Zen 4").
+    // all of them be spilled and loaded as 512 bits in every turn of the loop (benches/log/2026-11-29-zen-4.md).
     let zero = vec4<f32>(f32(p.ci >> 31u));
     let n4 = tile.y * 8u + lane;
     let to = (q * p.stride + row0) * width + n4;

@@ -80,7 +80,7 @@ fn a_run_takes_the_memory_that_its_plan_stated() {
     let Some(peak) = peak.or_else(|| (!cfg!(target_os = "linux")).then_some(planned as u64)) else {
         panic!("the manifest lacks the peak");
     };
-    // Within a tenth where it was measured (BENCHMARKS.md).
+    // Within a tenth where it was measured (BENCHMARKS.md, "Memory, and the release size").
     let ratio = peak as f64 / planned;
     assert!((0.8..1.2).contains(&ratio), "{peak} of {planned}");
 }

@@ -2,8 +2,8 @@
 //! (Mesa's lavapipe and other software devices).
 //!
 //! The plan is what the device holds, to the byte. Beside it lie the program, the driver with its compiler and compiled kernels, the
-//! pictures, and followed points while a file is put together. These were measured (BENCHMARKS.md, "What the process takes
-//! beside its plan": 3 networks, 1 to 24 images, every export) and are stated here as they were found. A first run, when
+//! pictures, and followed points while a file is put together. These were measured (BENCHMARKS.md, "Memory,
+//! and the release size": 3 networks, 1 to 24 images, every export) and are stated here as they were found. A first run, when
 //! the driver's cache of compiled kernels is empty, takes about 150 MiB more, and 100 for each of up to two more processors that compile.
 
 use omnix::io::Export;
