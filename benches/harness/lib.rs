@@ -1,12 +1,15 @@
 //! Shared bench harness: the device, the command line, and a Markdown table of cases against the machine's ceilings.
 //!
 //! `cargo bench -p omnix-benches --bench kernels [-- [--test] [--tier software|baseline|gpu] [--experimental] [FILTER]]`;
-//! `--test` runs each case once, `--experimental` uses cooperative matrices where the device has them, a filter keeps the
-//! cases whose "kernel case" contains it. `OMNIX_DEVICE` picks the device.
+//! `--test` runs the smallest case of each kernel once, to see that the benches work (CI does so);
+//! `--experimental` uses cooperative matrices where the device has them, a filter keeps the cases whose "kernel case" contains
+//! it. `OMNIX_DEVICE` picks the device.
 //!
 //! `--serve` is for tools/compare, which measures several programs in turn: every line of standard input is a filter, and
 //! its cases are measured once (one run of a tenth of a second) and answered by a JSON object a case and an empty line.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::io::{BufRead as _, Write as _};
 
 use omnix_kernels::bench::{Ceilings, Effort, time};
@@ -23,10 +26,18 @@ pub enum Work {
     Bytes(u64),
 }
 
+impl Work {
+    fn amount(self) -> u64 {
+        match self {
+            Self::Flops(amount) | Self::Bytes(amount) => amount,
+        }
+    }
+}
+
 /// The command line.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Run each case once, without measuring the ceilings.
+    /// Run the smallest case of each kernel once, without measuring the ceilings.
     pub test: bool,
     /// Take filters from standard input, answer in JSON.
     pub serve: bool,
@@ -80,6 +91,18 @@ pub struct Bench {
     pub gpu: Gpu,
     options: Options,
     ceilings: Option<Ceilings>,
+    choice: Choice,
+}
+
+/// Which cases run.
+#[derive(Debug)]
+enum Choice {
+    /// All that the filter keeps.
+    All,
+    /// None yet: the smallest case of each kernel, and its work, is being found out.
+    Survey(RefCell<BTreeMap<String, (u64, String)>>),
+    /// This one of each kernel.
+    Smallest(BTreeMap<String, (u64, String)>),
 }
 
 impl Bench {
@@ -105,7 +128,7 @@ impl Bench {
             let driver = format!("{} ({})", info.name, info.driver_info);
             say(&json!({ "device": driver, "tier": gpu.caps.tier.to_string(), "flops": flops, "copy": copy })
                 .to_string());
-            return Ok(Self { gpu, options, ceilings });
+            return Ok(Self { gpu, options, ceilings, choice: Choice::All });
         }
         say(&format!("{} ({}), {} variants\n", info.name, info.driver_info, gpu.caps.tier));
         if let Some(c) = &ceilings {
@@ -121,13 +144,17 @@ impl Bench {
         }
         say("| kernel | case | ms | rate | quiet | of ceiling | first ms |");
         say("|---|---|---|---|---|---|---|");
-        Ok(Self { gpu, options, ceilings })
+        Ok(Self { gpu, options, ceilings, choice: Choice::All })
     }
 
     /// Whether the filter keeps any case of this name, so that its inputs need not be made otherwise.
     #[must_use]
     pub fn wants(&self, kernel: &str, case: &str) -> bool {
         self.options.filter.as_ref().is_none_or(|filter| format!("{kernel} {case}").contains(filter.as_str()))
+            && match &self.choice {
+                Choice::All | Choice::Survey(_) => true,
+                Choice::Smallest(smallest) => smallest.get(kernel).is_some_and(|(_, name)| name == case),
+            }
     }
 
     /// Measures one case and prints its line.
@@ -142,6 +169,17 @@ impl Bench {
         dispatches: &[Dispatch],
         args: &[HostArg<'_>],
     ) -> Result<(), KernelError> {
+        if let Choice::Survey(smallest) = &self.choice {
+            let mut smallest = smallest.borrow_mut();
+            let found = smallest.entry(kernel.to_owned()).or_insert_with(|| (work.amount(), case.to_owned()));
+            if work.amount() < found.0 {
+                *found = (work.amount(), case.to_owned());
+            }
+            return Ok(());
+        }
+        if !self.wants(kernel, case) {
+            return Ok(());
+        }
         let args = upload(&self.gpu, args)?;
         let effort = match &self.options {
             options if options.test => Effort::ONCE,
@@ -183,10 +221,18 @@ impl Bench {
 
 impl Bench {
     /// Runs `cases` with the filter of the command line, or with every line of standard input as filter (`--serve`).
+    /// For `--test` they are gone through twice, and the smallest of each kernel runs.
     ///
     /// # Errors
     /// As [`Bench::case`].
     pub fn run(&mut self, cases: &dyn Fn(&Self) -> Result<(), KernelError>) -> Result<(), KernelError> {
+        if self.options.test {
+            self.choice = Choice::Survey(RefCell::default());
+            cases(self)?;
+            if let Choice::Survey(smallest) = std::mem::replace(&mut self.choice, Choice::All) {
+                self.choice = Choice::Smallest(smallest.into_inner());
+            }
+        }
         if !self.options.serve {
             return cases(self);
         }

@@ -1,6 +1,7 @@
 //! A checkpoint of random weights as a folder that omnix and the Python package read: `config.json` with the network's name, and
 //! `model.safetensors` (an 8-byte length, a JSON header, the numbers) with the published names.
 
+use std::error::Error;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::Path;
@@ -15,7 +16,7 @@ const PREFIX: &str = "model.";
 
 /// Writes both files into `dir`, one tensor in memory at a time. An interrupted run leaves no whole header behind: the file
 /// is renamed when it is whole.
-pub(crate) fn write(dir: &Path, config: &NetworkConfig, weights: &RandomWeights) -> super::Outcome<()> {
+pub(crate) fn write(dir: &Path, config: &NetworkConfig, weights: &RandomWeights) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(dir)?;
     let mut header = Map::new();
     let mut end = 0usize;

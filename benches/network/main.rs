@@ -2,7 +2,8 @@
 //! JSON (`{"do": "go"}`), answered by one line of JSON. Files are shared with the other programs: a checkpoint of random
 //! weights in the layout of a published one, pictures and depth as raw f32 of this machine.
 //!
-//! `cargo bench -p omnix-benches --bench network -- --serve`; without `--serve` it says so and ends.
+//! `cargo bench -p omnix-benches --bench network -- --serve`; `--test` goes once through all commands with a small picture, to
+//! see that they work (CI does so); without either it says so and ends.
 
 mod checkpoint;
 
@@ -43,16 +44,45 @@ struct Ready {
 
 fn main() -> Outcome<()> {
     let mut out = std::io::stdout();
-    if !std::env::args().any(|argument| argument == "--serve") {
-        writeln!(out, "this takes commands of tools/compare: run that, or say --serve")?;
+    let asked = |option: &str| std::env::args().any(|argument| argument == option);
+    if !asked("--serve") && !asked("--test") {
+        writeln!(out, "this takes commands of tools/compare: run that, or say --serve, or --test")?;
         return Ok(());
     }
     let engine = Engine::open(std::env::var("OMNIX_DEVICE").ok().as_deref())?;
+    if asked("--test") {
+        return every_command(&engine);
+    }
     let mut ready = None;
     for line in std::io::stdin().lock().lines() {
         let answer = serde_json::from_str(&line?).map_err(Into::into).and_then(|c| answer(&engine, c, &mut ready));
         writeln!(out, "{}", answer.unwrap_or_else(|error| json!({ "error": error.to_string() })))?;
         out.flush()?;
+    }
+    Ok(())
+}
+
+/// Goes once through all commands, as tools/compare does, with one picture of 56×42.
+fn every_command(engine: &Engine) -> Outcome<()> {
+    let folder = tempfile::tempdir()?;
+    let (weights, pictures, depth) =
+        (folder.path().join("weights"), folder.path().join("pictures"), folder.path().join("depth"));
+    let (count, height, width) = (1, 42, 56);
+    let commands = [
+        Command::Checkpoint { network: "da3-small".to_owned(), dir: weights.clone() },
+        Command::Pictures { file: pictures.clone(), count, height, width },
+        Command::Prepare { weights, pictures, count, height, width, f16: false },
+        Command::Go,
+        Command::Depth { file: depth.clone() },
+    ];
+    let mut ready = None;
+    for command in commands {
+        let answer = answer(engine, command, &mut ready)?;
+        writeln!(std::io::stdout(), "{answer}")?;
+    }
+    let depth = numbers(&depth)?;
+    if depth.len() != count * height * width || !depth.iter().all(|depth| depth.is_finite()) {
+        return Err(format!("{} depths for {count} of {height}×{width}, or one is NaN or infinite", depth.len()).into());
     }
     Ok(())
 }

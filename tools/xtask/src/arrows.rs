@@ -1,4 +1,4 @@
-//! Which crate may know which, checked over `cargo metadata` (its JSON: The Cargo Book, "cargo metadata").
+//! Which crate may know which, checked over `cargo metadata`.
 //!
 //! ```text
 //! shaders <- kernels <- graph <- model <- omnix <- cli      weights -> model      geometry <- io
@@ -7,11 +7,10 @@
 //! `weights` and `shaders` never reach wgpu, not even through others.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
-use std::process::Command;
 
 use serde_json::Value;
 
+use crate::metadata::{array, string};
 use crate::{Finding, XtaskError};
 
 /// Package, and the packages of ours that it may depend on (as a normal, build or dev dependency).
@@ -50,22 +49,6 @@ const ALL_BUT_CLI: &[&str] = &[
 /// Packages that run without a GPU and compile in seconds: they never reach [`DEVICE`].
 const NO_DEVICE: [&str; 4] = ["omnix-geometry", "omnix-io", "omnix-shaders", "omnix-weights"];
 const DEVICE: [&str; 3] = ["wgpu", "wgpu-core", "wgpu-hal"];
-
-/// What `cargo metadata` says of the workspace at `root`, for the platform of this machine.
-///
-/// # Errors
-/// [`XtaskError`] when cargo cannot be run, fails (an outdated Cargo.lock too) or prints no JSON.
-pub fn metadata(root: &Path) -> Result<Value, XtaskError> {
-    let rustc = run(Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into())).arg("-vV"))?;
-    let host = rustc.lines().find_map(|line| line.strip_prefix("host: "));
-    let host = host.ok_or_else(|| XtaskError::Metadata { what: "rustc -vV names no host".to_owned() })?;
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    // One platform: crates of the others need not be downloaded.
-    let text = run(Command::new(cargo)
-        .args(["metadata", "--format-version", "1", "--locked", "--all-features", "--filter-platform", host])
-        .current_dir(root))?;
-    serde_json::from_str(&text).map_err(|error| XtaskError::Metadata { what: error.to_string() })
-}
 
 /// All arrows between the workspace's packages are allowed ones, and those that run without a GPU never reach wgpu.
 ///
@@ -161,33 +144,6 @@ fn path_to_device<'a>(
         level = next;
     }
     None
-}
-
-fn run(command: &mut Command) -> Result<String, XtaskError> {
-    let name = || {
-        format!(
-            "{} {}",
-            command.get_program().display(),
-            command.get_args().map(|a| a.to_string_lossy()).collect::<Vec<_>>().join(" ")
-        )
-    };
-    let line = name();
-    let output = command.output().map_err(|source| XtaskError::Command { command: line.clone(), source })?;
-    if !output.status.success() {
-        let stderr = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-        return Err(XtaskError::CommandFailed { command: line, stderr });
-    }
-    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
-}
-
-fn array<'a>(value: &'a Value, field: &str) -> Result<&'a Vec<Value>, XtaskError> {
-    let found = value.get(field).and_then(Value::as_array);
-    found.ok_or_else(|| XtaskError::Metadata { what: format!("no array `{field}`") })
-}
-
-fn string<'a>(value: &'a Value, field: &str) -> Result<&'a str, XtaskError> {
-    let found = value.get(field).and_then(Value::as_str);
-    found.ok_or_else(|| XtaskError::Metadata { what: format!("no string `{field}`") })
 }
 
 #[cfg(test)]

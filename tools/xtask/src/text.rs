@@ -6,6 +6,10 @@ use crate::{Finding, Tree};
 const LONG: usize = 500;
 const TOO_LONG: usize = 600;
 
+/// Lines that a text for people may have: what is longer is not read. A path that begins so, and its limit; the first that
+/// fits counts. The log of measurements is not meant to be read through.
+const PROSE: [(&str, usize); 3] = [("benches/log/", usize::MAX), ("BENCHMARKS.md", 120), ("", 300)];
+
 // Written in two pieces, so that this file passes its own check.
 const MARKERS: [&str; 4] =
     [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("to", "do!"), concat!("unimple", "mented!")];
@@ -36,6 +40,13 @@ fn check_file(path: &str, text: &str) -> Vec<Finding> {
         let header = if rust { "//!" } else { "//" };
         if !text.starts_with(header) {
             findings.push(Finding::error(path, format!("must start with `{header}` and say what the file is")));
+        }
+    }
+    if path.ends_with(".md") {
+        let lines = text.lines().count();
+        let limit = PROSE.iter().find(|(start, _)| path.starts_with(start)).map_or(usize::MAX, |(_, limit)| *limit);
+        if lines > limit {
+            findings.push(Finding::error(path, format!("{lines} lines, {limit} allowed: split it by subject")));
         }
     }
     for (number, line) in text.lines().enumerate() {
@@ -70,7 +81,7 @@ fn check_file(path: &str, text: &str) -> Vec<Finding> {
 }
 
 /// Does `line` have `word` with no letter, digit or underscore on either side?
-fn has_word(line: &str, word: &str) -> bool {
+pub(crate) fn has_word(line: &str, word: &str) -> bool {
     let part = |c: char| c.is_alphanumeric() || c == '_';
     line.match_indices(word).any(|(at, _)| {
         let before = line[..at].chars().next_back();
@@ -96,7 +107,16 @@ mod tests {
         assert_eq!(levels("a.rs", &file(501)), [Level::Warning]);
         assert_eq!(levels("a.wgsl", &file(600)), [Level::Warning]);
         assert_eq!(levels("a.wgsl", &file(601)), [Level::Error]);
-        assert_eq!(levels("long.md", &file(601)), []);
+    }
+
+    #[test]
+    fn texts_for_people_are_short() {
+        let lines = |lines: usize| "text\n".repeat(lines);
+        assert_eq!(levels("crates/x/README.md", &lines(300)), []);
+        assert_eq!(levels("crates/x/README.md", &lines(301)), [Level::Error]);
+        assert_eq!(levels("BENCHMARKS.md", &lines(120)), []);
+        assert_eq!(levels("BENCHMARKS.md", &lines(121)), [Level::Error]);
+        assert_eq!(levels("benches/log/2026-11-29-zen-4.md", &lines(1000)), []);
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! The text files of the repository, read once.
+//! The files of the repository: what the text files hold, read once, and the size of all of them.
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::Path;
 
 use crate::XtaskError;
@@ -17,6 +18,7 @@ const ENDINGS: [&str; 6] = ["md", "py", "rs", "toml", "wgsl", "yml"];
 #[derive(Debug, Default, Clone)]
 pub struct Tree {
     files: BTreeMap<String, String>,
+    sizes: BTreeMap<String, u64>,
 }
 
 impl Tree {
@@ -32,11 +34,24 @@ impl Tree {
 
     /// A tree from pairs of path and text, for tests of the checks.
     pub fn from_files<'a>(files: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
-        let files = files.into_iter().map(|(path, text)| (path.to_owned(), text.to_owned())).collect();
-        Self { files }
+        let files: BTreeMap<String, String> =
+            files.into_iter().map(|(path, text)| (path.to_owned(), text.to_owned())).collect();
+        let sizes = files.iter().map(|(path, text)| (path.clone(), text.len() as u64)).collect();
+        Self { files, sizes }
     }
 
-    /// All files, sorted by path.
+    /// A tree of files that only have sizes, in bytes, for tests of the checks.
+    pub fn from_sizes<'a>(sizes: impl IntoIterator<Item = (&'a str, u64)>) -> Self {
+        let sizes = sizes.into_iter().map(|(path, bytes)| (path.to_owned(), bytes)).collect();
+        Self { files: BTreeMap::new(), sizes }
+    }
+
+    /// The size in bytes of all files, texts or not, sorted by path.
+    pub fn sizes(&self) -> impl Iterator<Item = (&str, u64)> {
+        self.sizes.iter().map(|(path, bytes)| (path.as_str(), *bytes))
+    }
+
+    /// All text files, sorted by path.
     pub fn files(&self) -> impl Iterator<Item = (&str, &str)> {
         self.files.iter().map(|(path, text)| (path.as_str(), text.as_str()))
     }
@@ -77,18 +92,29 @@ impl Tree {
                 if !hidden && !SKIPPED.contains(&name.as_str()) {
                     self.read_folder(&entry.path(), &relative)?;
                 }
-            } else if kind.is_file() && is_text(&relative, &name) {
-                match fs::read_to_string(entry.path()) {
-                    Ok(text) => _ = self.files.insert(relative, text),
-                    // An editor's temporary file that went away meanwhile.
-                    Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-                    Err(source) => {
-                        return Err(XtaskError::Read { path: entry.path(), source });
-                    }
+            } else if kind.is_file() {
+                let failed = |source| XtaskError::Read { path: entry.path(), source };
+                let Some(metadata) = there(entry.metadata()).map_err(failed)? else {
+                    continue;
+                };
+                self.sizes.insert(relative.clone(), metadata.len());
+                if is_text(&relative, &name)
+                    && let Some(text) = there(fs::read_to_string(entry.path())).map_err(failed)?
+                {
+                    self.files.insert(relative, text);
                 }
             }
         }
         Ok(())
+    }
+}
+
+/// `None` for a file that is not there: an editor's temporary one that went away meanwhile.
+fn there<T>(result: io::Result<T>) -> io::Result<Option<T>> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
     }
 }
 
@@ -121,6 +147,7 @@ mod tests {
         let tree = Tree::read(crate::root()).unwrap();
         assert!(tree.has("tools/xtask/src/tree.rs"));
         assert!(tree.has("tools/setup"), "scripts have no ending");
+        assert!(tree.sizes().any(|(path, _)| path == "Cargo.lock"), "every file has a size");
         assert!(tree.files().all(|(path, _)| !path.starts_with("target/") && !path.starts_with(".git/")));
     }
 }
