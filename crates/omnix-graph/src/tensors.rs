@@ -96,12 +96,25 @@ impl Tensors {
     /// # Errors
     /// When the name or the length is wrong.
     pub fn write(&self, name: &str, data: &[f32]) -> Result<(), GraphError> {
+        self.write_all(name, data)
+    }
+
+    /// Writes all of an input of indices.
+    ///
+    /// # Errors
+    /// When the name or the length is wrong.
+    pub fn write_indices(&self, name: &str, data: &[u32]) -> Result<(), GraphError> {
+        self.write_all(name, data)
+    }
+
+    fn write_all<T: bytemuck::Pod>(&self, name: &str, data: &[T]) -> Result<(), GraphError> {
         let slice = self.slice(name)?;
         let expected = slice.size as usize / 4;
         if data.len() != expected {
             return Err(GraphError::InputLength { name: name.to_owned(), expected, got: data.len() });
         }
-        self.write_at(name, 0, data)
+        self.gpu.queue.write_buffer(&slice.buffer, slice.offset, bytemuck::cast_slice(data));
+        Ok(())
     }
 
     /// Writes numbers of an input from element `start` on, such as one image of many.
@@ -111,8 +124,12 @@ impl Tensors {
     pub fn write_at(&self, name: &str, start: usize, data: &[f32]) -> Result<(), GraphError> {
         let slice = self.slice(name)?;
         let expected = slice.size as usize / 4;
-        if start + data.len() > expected {
-            return Err(GraphError::InputLength { name: name.to_owned(), expected, got: start + data.len() });
+        if start.checked_add(data.len()).is_none_or(|end| end > expected) {
+            return Err(GraphError::InputLength {
+                name: name.to_owned(),
+                expected,
+                got: start.saturating_add(data.len()),
+            });
         }
         self.gpu.queue.write_buffer(&slice.buffer, slice.offset + start as u64 * 4, bytemuck::cast_slice(data));
         Ok(())

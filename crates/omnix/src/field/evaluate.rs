@@ -248,20 +248,14 @@ impl Evaluation {
     fn list(&self, pixels: &[u32], count: usize) -> Result<(), OmnixError> {
         let mut padded = pixels.to_vec();
         padded.resize(count, pixels.last().copied().unwrap_or(0));
-        self.write("pixels", &padded)
+        Ok(self.exec.write_indices("pixels", &padded)?)
     }
 
     /// Positions and scores from `first` on.
     fn run(&self, image: usize, first: usize) -> Result<[BufferSlice; 2], OmnixError> {
-        self.write("when", &[image as u32, first as u32])?;
+        self.exec.write_indices("when", &[image as u32, first as u32])?;
         self.exec.run(&mut |_, _| std::ops::ControlFlow::Continue(()))?;
         Ok([self.exec.slice("trajectory")?, self.exec.slice("theta")?])
-    }
-
-    fn write(&self, name: &str, indices: &[u32]) -> Result<(), OmnixError> {
-        let slice = self.exec.slice(name)?;
-        self.exec.gpu().queue.write_buffer(&slice.buffer, slice.offset, bytemuck::cast_slice(indices));
-        Ok(())
     }
 }
 
