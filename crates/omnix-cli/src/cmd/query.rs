@@ -155,16 +155,21 @@ fn times(text: Option<&str>, shape: &FieldShape) -> Result<Vec<usize>, CliError>
     let Some(text) = text else { return Ok((0..shape.images).collect()) };
     let bad = || wrong(format!("`{text}` are no times: write A..B (without B), or some such as 0,3,7"));
     let number = |part: &str| part.trim().parse::<usize>().map_err(|_| bad());
+    let none = |time| wrong(format!("there is no time {time}: this field has times 0..{}", shape.images));
     let times: Vec<usize> = match text.split_once("..") {
         Some((from, to)) => {
             let from = if from.trim().is_empty() { 0 } else { number(from)? };
             let to = if to.trim().is_empty() { shape.images } else { number(to)? };
+            // Before the range is collected: its end is whatever was typed.
+            if to > shape.images {
+                return Err(none(to - 1));
+            }
             (from..to).collect()
         }
         None => text.split(',').map(number).collect::<Result<_, _>>()?,
     };
     match times.iter().find(|t| **t >= shape.images) {
-        Some(time) => Err(wrong(format!("there is no time {time}: this field has times 0..{}", shape.images))),
+        Some(time) => Err(none(*time)),
         None if times.is_empty() => Err(bad()),
         None => Ok(times),
     }
@@ -209,7 +214,8 @@ mod tests {
         assert_eq!(times(Some("1..3"), &shape).unwrap(), [1, 2]);
         assert_eq!(times(Some("3.."), &shape).unwrap(), [3, 4]);
         assert_eq!(times(Some("4, 0"), &shape).unwrap(), [4, 0]);
-        for bad in ["5", "0..6", "2..2", "x", "1-3", ""] {
+        let huge = ["0..99999999999", "0..18446744073709551615", "4..18446744073709551615", "18446744073709551615"];
+        for bad in ["5", "0..6", "2..2", "6..5", "7..8", "x", "1-3", ""].into_iter().chain(huge) {
             assert!(times(Some(bad), &shape).is_err(), "{bad}");
         }
     }
