@@ -123,3 +123,51 @@ fn progress_hears_every_piece_and_may_break_off() {
     });
     assert!(matches!(stopped, Err(GraphError::Interrupted)) && pieces == 2);
 }
+
+/// A source with one number of one tensor replaced.
+struct With<'a>(Seeded<'a>, &'static str, usize, f32);
+
+impl ParameterSource for With<'_> {
+    fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>> {
+        let mut numbers = self.0.read(name)?.into_owned();
+        if name == self.1 {
+            numbers[self.2] = self.3;
+        }
+        Ok(numbers.into())
+    }
+}
+
+#[test]
+fn a_weight_beyond_f16_is_named_by_its_place_in_the_checkpoint() {
+    let mut g = Graph::new();
+    let (x, picture) = (g.input("x", [2, 12]), g.input("picture", [1, 6, 6, 4]));
+    // Rows of a tensor, columns of another, a convolution, and vectors, which stay f32.
+    let rows = g.parameter_rows("rows", [40, 12], 8..40);
+    let (columns, bias) = (g.parameter_columns("columns", [8, 44], 12..44), g.parameter("bias", [8]));
+    let taps = g.parameter("taps", [5, 4, 3, 3]);
+    let y = g.linear(x, rows, None).expect("records");
+    let y = g.linear(y, columns, Some(bias)).expect("records");
+    let map = g.conv2d(picture, taps, None, 1, 1).expect("records");
+    g.output(y, "y");
+    g.output(map, "map");
+    let load = |storage, name, at, value| {
+        let options = PlanOptions { storage, ..PlanOptions::default() };
+        let plan = Plan::new(&g, &gpu().caps, &options).expect("plans");
+        let source = With(Seeded(&g), name, at, value);
+        WeightStore::load(gpu(), &source, &plan.weights, &mut |_, _| ControlFlow::Continue(())).map(|_| ())
+    };
+    for (name, at, place) in [
+        ("rows", 8 * 12 + 5, "[8, 5]"),
+        ("columns", 3 * 44 + 40, "[3, 40]"),
+        ("taps", ((2 * 4 + 3) * 3 + 1) * 3 + 2, "[2, 3, 1, 2]"),
+    ] {
+        let error = load(WeightType::F16, name, at, 70000.0).expect_err("does not fit").to_string();
+        assert_eq!(error, format!("weight `{name}{place}` = 70000 does not fit in f16; store it as f32"));
+        assert!(load(WeightType::F16, name, at, -65504.0).is_ok(), "{name}");
+        assert!(load(WeightType::F32, name, at, 70000.0).is_ok(), "{name}");
+        // int8 is for linear layers; a convolution's weights are f16 then.
+        assert_eq!(load(WeightType::I8, name, at, -1e9).is_err(), name == "taps");
+    }
+    // What the graph does not read, and vectors.
+    assert!(load(WeightType::F16, "rows", 0, 70000.0).is_ok() && load(WeightType::F16, "bias", 1, 70000.0).is_ok());
+}

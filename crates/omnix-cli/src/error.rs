@@ -166,7 +166,7 @@ fn library_code(error: &OmnixError) -> u8 {
             _ => 4,
         },
         OmnixError::Graph(GraphError::TensorTooLarge { .. }) | OmnixError::Budget { .. } => 5,
-        OmnixError::Graph(GraphError::Parameter { .. }) => 3,
+        OmnixError::Graph(GraphError::Parameter { .. } | GraphError::DoesNotFit { .. }) => 3,
         OmnixError::Model(omnix::model::ModelError::Request { .. }) => 2,
         OmnixError::Model(_) | OmnixError::Weights(_) | OmnixError::NonFinite { .. } => 3,
         OmnixError::Io(io) => file_code(io),

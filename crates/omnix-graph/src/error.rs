@@ -67,6 +67,16 @@ pub enum GraphError {
         #[source]
         source: Box<dyn std::error::Error + Send + Sync>,
     },
+    /// A weight that is finite, and would be infinite as the plan stores it.
+    #[error("weight `{name}{place:?}` = {value} does not fit in f16; store it as f32")]
+    DoesNotFit {
+        /// The parameter.
+        name: String,
+        /// Its indices in the tensor of the checkpoint.
+        place: Vec<usize>,
+        /// What it is.
+        value: f32,
+    },
     /// A kernel could not be recorded or run.
     #[error(transparent)]
     Kernel(#[from] KernelError),

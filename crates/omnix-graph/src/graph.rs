@@ -109,6 +109,22 @@ impl Parameter {
             Some(columns) => rows.chunks_exact(row).flat_map(|r| &r[columns.clone()]).copied().collect(),
         }
     }
+
+    /// The indices in the whole tensor of the block's number `at`, counted row by row.
+    #[must_use]
+    pub fn indices(&self, at: usize) -> Vec<usize> {
+        let mut rest = at;
+        let shape = self.shape();
+        let mut indices: Vec<usize> = shape.iter().rev().map(|n| (rest % n, rest /= n).0).collect();
+        indices.reverse();
+        if let Some(first) = indices.first_mut() {
+            *first += self.rows.start;
+        }
+        if let (Some(columns), Some(last)) = (&self.columns, indices.last_mut()) {
+            *last += columns.start;
+        }
+        indices
+    }
 }
 
 /// Where a value comes from.

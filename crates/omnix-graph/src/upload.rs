@@ -24,7 +24,7 @@ pub(crate) type Written<'a> = &'a mut dyn FnMut(u64) -> ControlFlow<()>;
 /// Uploads `keys`; gives where each is, and the bytes of the buffers.
 ///
 /// # Errors
-/// When a tensor cannot be read, memory runs out, or `written` broke off ([`GraphError::Interrupted`]).
+/// When a tensor cannot be read or stored, memory runs out, or `written` broke off ([`GraphError::Interrupted`]).
 pub(crate) fn upload(
     gpu: &Gpu,
     source: &dyn ParameterSource,
@@ -136,10 +136,10 @@ fn fill(mut room: &mut [u8], source: &dyn ParameterSource, keys: &[&WeightKey]) 
     let write = |(key, place): (&&WeightKey, &mut [u8])| -> Result<(), GraphError> {
         let name = &key.parameter.name;
         let numbers = source.read(name).map_err(|source| GraphError::Parameter { name: name.to_string(), source })?;
-        key.pack(&numbers, place);
+        let packed = key.pack(&numbers, place);
         drop(numbers);
         source.release(name);
-        Ok(())
+        packed
     };
     places.into_par_iter().find_map_first(|place| write(place).err()).map_or(Ok(()), Err)
 }

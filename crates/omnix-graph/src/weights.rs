@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use omnix_kernels::dispatch::round_up;
+use omnix_kernels::packed::fits_f16;
 use omnix_kernels::winograd::transform;
 use omnix_kernels::{BufferSlice, Gpu, WeightType};
 use rustc_hash::FxHashMap;
@@ -22,7 +23,7 @@ pub trait ParameterSource: Sync {
     /// Whatever keeps it from being read: missing, damaged, not finite.
     fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>>;
 
-    /// Hears that what was read of `name` is no longer needed.
+    /// Called once the data returned by `read(name)` is no longer needed, so that a mapped source can drop its pages.
     fn release(&self, name: &str) {
         let _ = name;
     }
@@ -66,13 +67,22 @@ impl WeightKey {
     }
 
     /// Writes the stored bytes to `out`, which is all zeros, from all numbers of the checkpoint's tensor.
-    pub(crate) fn pack(&self, all: &[f32], out: &mut [u8]) {
+    ///
+    /// # Errors
+    /// [`GraphError::DoesNotFit`] for the first number that is finite and would be stored as infinity.
+    pub(crate) fn pack(&self, all: &[f32], out: &mut [u8]) -> Result<(), GraphError> {
         let (dims, data) = (self.parameter.shape(), self.parameter.block(all));
         let row: usize = dims.get(1..).map_or(1, |rest| rest.iter().product());
         let mut write = |bytes: &[u8]| out[..bytes.len()].copy_from_slice(bytes);
-        match self.packing {
-            Packing::Plain => write(bytemuck::cast_slice(&data)),
-            Packing::Repeat => write(bytemuck::cast_slice(&data.repeat(MAX_BLOCK as usize))),
+        let packed = match self.packing {
+            Packing::Plain => {
+                write(bytemuck::cast_slice(&data));
+                Ok(())
+            }
+            Packing::Repeat => {
+                write(bytemuck::cast_slice(&data.repeat(MAX_BLOCK as usize)));
+                Ok(())
+            }
             Packing::Matrix(form, storage) => {
                 let shape = packed_shape(&dims, form, storage);
                 match form {
@@ -92,7 +102,20 @@ impl WeightKey {
                     }
                 }
             }
-        }
+        };
+        packed.map_err(|found| {
+            // Packing knows a place in the matrix; a reader of the message looks for one in the checkpoint's tensor.
+            let within = data.iter().position(|v| !fits_f16(*v));
+            let place = within.map_or_else(|| vec![found.n, found.k], |at| self.parameter.indices(at));
+            let value = within.map_or(found.value, |at| data[at]);
+            GraphError::DoesNotFit { name: self.parameter.name.to_string(), place, value }
+        })
+    }
+
+    /// Whether numbers are stored as f16, so that magnitudes from 65520 on do not fit.
+    #[must_use]
+    pub fn is_half(&self) -> bool {
+        matches!(self.packing, Packing::Matrix(_, WeightType::F16))
     }
 }
 

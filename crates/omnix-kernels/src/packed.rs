@@ -4,6 +4,8 @@
 //! int8 is symmetric, one f32 scale an output column: `w ≈ scale[n] · q`, q in −127..=127, nearest. The scales lie behind the
 //! blocks; products are summed over q and scaled once at the end. Only `linear` reads it.
 
+use std::ops::Range;
+
 use half::f16;
 use rayon::prelude::*;
 
@@ -100,16 +102,25 @@ impl PackedWeights {
     }
 
     /// Packs a matrix given by `weight(k, n)`, blocks side by side on all processors; the result has [`PackedWeights::bytes`]
-    /// bytes.
+    /// bytes. For weights that are known to fit, as those of tests and measurements.
+    ///
+    /// # Panics
+    /// When a weight does not fit the storage type: [`PackedWeights::pack_into`] says which.
     #[must_use]
     pub fn pack(&self, weight: impl Fn(usize, usize) -> f32 + Sync) -> Vec<u8> {
         let mut out = vec![0u8; self.bytes() as usize];
-        self.pack_into(weight, &mut out);
+        if let Err(TooLarge { k, n, value }) = self.pack_into(weight, &mut out) {
+            panic!("BUG: weight ({k}, {n}) = {value} does not fit in f16");
+        }
         out
     }
 
     /// As [`PackedWeights::pack`], to where all bytes are 0: what only fills up is not written.
-    pub fn pack_into(&self, weight: impl Fn(usize, usize) -> f32 + Sync, out: &mut [u8]) {
+    ///
+    /// # Errors
+    /// The first weight, column by column, that is finite and becomes infinite as f16. int8 has a scale for every column, so any
+    /// finite weight fits.
+    pub fn pack_into(&self, weight: impl Fn(usize, usize) -> f32 + Sync, out: &mut [u8]) -> Result<(), TooLarge> {
         let (k, n) = (self.k as usize, self.n as usize);
         let (blocks, tail) = out.split_at_mut(self.scales().0 as usize);
         let blocks = blocks.par_chunks_mut(self.block_bytes() as usize).take(self.blocks() as usize).enumerate();
@@ -121,13 +132,23 @@ impl PackedWeights {
                     rows[row][column] = weight(row, block * 32 + column).to_le_bytes();
                 });
             }),
-            WeightType::F16 => blocks.for_each(|(block, out)| {
-                let pairs = out.as_chunks_mut::<2>().0.as_chunks_mut::<2>().0.as_chunks_mut::<32>().0;
-                tiled(k, columns(block), |row, column| {
-                    let value = f16::from_f32(weight(row, block * 32 + column));
-                    pairs[row / 2][column][row % 2] = value.to_le_bytes();
+            WeightType::F16 => {
+                let first = blocks.filter_map(|(block, out)| {
+                    let pairs = out.as_chunks_mut::<2>().0.as_chunks_mut::<2>().0.as_chunks_mut::<32>().0;
+                    let mut infinite = false;
+                    tiled(k, columns(block), |row, column| {
+                        let value = f16::from_f32(weight(row, block * 32 + column));
+                        infinite |= value.is_infinite();
+                        pairs[row / 2][column][row % 2] = value.to_le_bytes();
+                    });
+                    let columns = block * 32..block * 32 + columns(block);
+                    if infinite { too_large(columns, k, &weight) } else { None }
                 });
-            }),
+                // All blocks are packed: which one is reported must not depend on which is done first.
+                if let Some(first) = first.min_by_key(|found| (found.n, found.k)) {
+                    return Err(first);
+                }
+            }
             WeightType::I8 => blocks.zip(tail.par_chunks_mut(32 * 4)).for_each(|((block, out), scales)| {
                 for (column, to) in scales.as_chunks_mut().0.iter_mut().enumerate().take(columns(block)) {
                     let at = |row| weight(row, block * 32 + column);
@@ -142,7 +163,33 @@ impl PackedWeights {
                 }
             }),
         }
+        Ok(())
     }
+}
+
+/// A weight that is finite, and infinite as it would be stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TooLarge {
+    /// Its input.
+    pub k: usize,
+    /// Its output column.
+    pub n: usize,
+    /// What it is.
+    pub value: f32,
+}
+
+/// The first weight of these columns that f16 cannot hold.
+fn too_large(columns: Range<usize>, k: usize, weight: &impl Fn(usize, usize) -> f32) -> Option<TooLarge> {
+    let places = columns.flat_map(|n| (0..k).map(move |k| (k, n)));
+    let mut values = places.map(|(k, n)| TooLarge { k, n, value: weight(k, n) });
+    values.find(|found| !fits_f16(found.value))
+}
+
+/// Whether a number that is finite stays so as f16, which rounds magnitudes from 65520 on to infinity. NaN and infinity stay
+/// what they are, so they count as fitting.
+#[must_use]
+pub fn fits_f16(value: f32) -> bool {
+    !(value.is_finite() && f16::from_f32(value).is_infinite())
 }
 
 /// Every row and column of a block, 16 rows of a column at a time: checkpoints have a column's k side by side, and what
@@ -159,7 +206,7 @@ fn tiled(rows: usize, columns: usize, mut each: impl FnMut(usize, usize)) {
 
 #[cfg(test)]
 mod tests {
-    use super::{PackedWeights, WeightType};
+    use super::{PackedWeights, TooLarge, WeightType, fits_f16};
 
     #[test]
     fn packing_puts_32_columns_side_by_side() {
@@ -191,5 +238,34 @@ mod tests {
         assert_eq!(q, [-127, -95, -64, -32, 0, 32, 64, 95, 127, 0, 0, 0]);
         let scale = |n: usize| f32::from_le_bytes(std::array::from_fn(|i| bytes[2 * 512 + 4 * n + i]));
         assert_eq!((scale(0), scale(1), scale(39)), (0.0, 2.0, 0.0));
+    }
+
+    #[test]
+    fn a_weight_beyond_f16_is_named_and_one_below_is_not() {
+        let packed = |storage, value: f32| {
+            let shape = PackedWeights { k: 20, n: 100, storage };
+            // Two of them, in different blocks: the one of the lower column is reported.
+            let weight = |k, n| if (k, n) == (17, 40) || (k, n) == (3, 90) { value } else { 1.0 };
+            shape.pack_into(weight, &mut vec![0; shape.bytes() as usize])
+        };
+        for value in [65520.0, 70000.0, -1e30, f32::MAX] {
+            assert_eq!(packed(WeightType::F16, value), Err(TooLarge { k: 17, n: 40, value }));
+            assert_eq!((packed(WeightType::F32, value), packed(WeightType::I8, value)), (Ok(()), Ok(())), "{value}");
+        }
+        for value in [65519.996, -65504.0, 1e-30] {
+            assert_eq!(packed(WeightType::F16, value), Ok(()), "{value}");
+        }
+        assert!(fits_f16(f32::INFINITY) && fits_f16(f32::NAN) && fits_f16(65519.996) && !fits_f16(65520.0));
+    }
+
+    #[test]
+    fn int8_holds_any_finite_column() {
+        let shape = PackedWeights { k: 8, n: 1, storage: WeightType::I8 };
+        for largest in [f32::MAX, 70000.0, 1e-30, f32::MIN_POSITIVE / 4.0] {
+            let bytes = shape.pack(|k, _| if k == 0 { -largest } else { largest / 2.0 });
+            let scale = f32::from_le_bytes(std::array::from_fn(|i| bytes[shape.scales().0 as usize + i]));
+            let back = f32::from(bytes[0].cast_signed()) * scale;
+            assert!(scale.is_finite() && (back / -largest - 1.0).abs() < 1e-2, "{largest}: {back}");
+        }
     }
 }
