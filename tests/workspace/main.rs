@@ -1,7 +1,7 @@
 //! The rules of the tree as tests: the same checks as `cargo xtask tidy`, on this very repository.
 
 use serde_json::Value;
-use xtask::{Finding, Level, Tree, arrows, circles, metadata, places, sizes, text};
+use xtask::{Finding, Level, Tree, arrows, circles, dependencies, metadata, places, sizes, text};
 
 fn errors(findings: Vec<Finding>) -> String {
     let errors = findings.iter().filter(|finding| finding.level == Level::Error);
@@ -34,6 +34,12 @@ fn files_are_short_headed_and_finished() {
 #[test]
 fn files_are_small_enough_to_clone() {
     assert_eq!(errors(sizes::check(&tree())), "");
+}
+
+#[test]
+fn every_dependency_is_used() {
+    let findings = dependencies::check(&workspace(), &tree(), xtask::root());
+    assert_eq!(errors(findings.expect("it has the documented form")), "");
 }
 
 #[test]

@@ -35,6 +35,9 @@ fn check_but(tree: &Tree, roots: &[String], known: &[(&str, &str)]) -> Vec<Findi
     // A file that several crates take in may give the same circle in each.
     let mut circles = BTreeSet::new();
     for root in roots {
+        if !sources.contains_key(root) {
+            findings.push(Finding::error(root, "the root of a crate was not read: its imports are not checked"));
+        }
         let imports = Modules::of(root, &sources).imports();
         let in_circles: BTreeSet<(String, String)> = knots(&imports)
             .iter()
@@ -238,6 +241,13 @@ mod tests {
             [
                 "error: c/b.rs: its import of c/a.rs is part of no circle any more: delete its line in tools/xtask/src/circles/known.rs"
             ]
+        );
+    }
+
+    #[test]
+    fn a_root_that_is_not_there_is_named() {
+        assert!(
+            findings(&[("other.rs", "mod a;")])[0].starts_with("error: c/lib.rs: the root of a crate was not read")
         );
     }
 

@@ -1,11 +1,12 @@
 //! Checks of the tree that neither rustc nor clippy makes: `cargo xtask tidy`, and the same as tests in `tests/workspace`.
 //!
 //! [`places`]: a kernel is in its five places. [`text`]: length, header and leftovers of a file. [`sizes`]: no large files.
-//! [`arrows`]: which crate may know which. [`circles`]: no circle of imports between the files of a crate. Each check is a
-//! pure function from what was read to [`Finding`]s.
+//! [`arrows`]: which crate may know which. [`dependencies`]: what a Cargo.toml names is used. [`circles`]: no circle of
+//! imports between the files of a crate. Each check is a pure function from what was read to [`Finding`]s.
 
 pub mod arrows;
 pub mod circles;
+pub mod dependencies;
 mod error;
 mod finding;
 pub mod metadata;
@@ -38,6 +39,7 @@ pub fn tidy(root: &Path) -> Result<Vec<Finding>, XtaskError> {
     findings.extend(text::check(&tree));
     findings.extend(sizes::check(&tree));
     findings.extend(arrows::check(&metadata)?);
+    findings.extend(dependencies::check(&metadata, &tree, root)?);
     findings.extend(circles::check(&tree, &metadata::roots(&metadata, root)?));
     findings.sort_by(|a, b| (a.level, a).cmp(&(b.level, b)));
     Ok(findings)

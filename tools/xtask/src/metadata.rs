@@ -1,6 +1,6 @@
 //! What `cargo metadata` says of the workspace (its JSON: The Cargo Book, "cargo metadata").
 
-use std::path::Path;
+use std::path::{Component, Path};
 use std::process::Command;
 
 use serde_json::Value;
@@ -46,10 +46,18 @@ pub(crate) fn is_member(metadata: &Value, package: &Value) -> bool {
     members.is_some_and(|members| package.get("id").is_some_and(|id| members.contains(id)))
 }
 
-/// `path` relative to `root`, with `/`.
+/// `path` relative to `root`, with `/`. Cargo hands on the `..` of a manifest's paths; they are taken out.
 pub(crate) fn relative(path: &str, root: &Path) -> Option<String> {
     let inside = Path::new(path).strip_prefix(root).ok()?;
-    Some(inside.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/"))
+    let mut parts = Vec::new();
+    for part in inside.components() {
+        match part {
+            Component::ParentDir => _ = parts.pop()?,
+            Component::Normal(name) => parts.push(name.to_string_lossy()),
+            Component::CurDir | Component::RootDir | Component::Prefix(_) => {}
+        }
+    }
+    Some(parts.join("/"))
 }
 
 fn run(command: &mut Command) -> Result<String, XtaskError> {
@@ -77,4 +85,21 @@ pub(crate) fn array<'a>(value: &'a Value, field: &str) -> Result<&'a Vec<Value>,
 pub(crate) fn string<'a>(value: &'a Value, field: &str) -> Result<&'a str, XtaskError> {
     let found = value.get(field).and_then(Value::as_str);
     found.ok_or_else(|| XtaskError::Metadata { what: format!("no string `{field}`") })
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn roots_are_those_of_members_with_no_way_up_in_them() {
+        let target = |path: &str| json!({"src_path": path});
+        let metadata = json!({"workspace_members": ["a"], "packages": [
+            {"id": "a", "targets": [target("/r/crates/a/src/lib.rs"), target("/r/crates/a/../../tests/cli/main.rs")]},
+            {"id": "foreign", "targets": [target("/r/vendor/lib.rs")]},
+        ]});
+        assert_eq!(roots(&metadata, Path::new("/r")).unwrap(), ["crates/a/src/lib.rs", "tests/cli/main.rs"]);
+    }
 }

@@ -81,7 +81,7 @@ fn check_file(path: &str, text: &str) -> Vec<Finding> {
 }
 
 /// Does `line` have `word` with no letter, digit or underscore on either side?
-pub(crate) fn has_word(line: &str, word: &str) -> bool {
+fn has_word(line: &str, word: &str) -> bool {
     let part = |c: char| c.is_alphanumeric() || c == '_';
     line.match_indices(word).any(|(at, _)| {
         let before = line[..at].chars().next_back();
