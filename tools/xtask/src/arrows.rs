@@ -1,9 +1,9 @@
 //! Which crate may know which, checked over `cargo metadata`.
 //!
 //! ```text
-//! shaders <- kernels <- graph <- model <- omnix <- cli      weights -> model      geometry <- io
+//! shaders <- kernels <- graph <- model <- omnix <- cli      weights <- model      geometry <- model, io
 //! ```
-//! A crate may also use what lies further down its own arrows. Nobody depends on the program; `geometry`, `io`,
+//! `a <- b`: b knows a. A crate may also use what lies further down its own arrows. Nobody depends on the program; `geometry`, `io`,
 //! `weights` and `shaders` never reach wgpu, not even through others.
 
 use std::collections::{BTreeMap, BTreeSet};
