@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use omnix::WeightType;
 use omnix::Weights;
-use omnix::graph::op::{Gate, Motion, Sampling};
+use omnix::graph::ops::{Gate, Motion, Sampling};
 use omnix::graph::{Executable, Graph};
 use omnix::model::config::TrajectoryConfig;
 use omnix::model::{MotionSpec, SamplingSpec, TrajectorySpec, trajectory};

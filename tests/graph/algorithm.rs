@@ -1,6 +1,7 @@
 //! A convolution is computed by the algorithm that suits it, and is the same convolution; a plan says which kernels it needs.
 
-use omnix_graph::op::{Op, WeightForm};
+use omnix_graph::graph::WeightForm;
+use omnix_graph::ops::Op;
 use omnix_graph::{Graph, Plan, PlanOptions};
 use omnix_kernels::{Caps, Tier, WeightType};
 use omnix_tests::{assert_close, tiers};

@@ -1,6 +1,7 @@
 //! Chunk sizes change memory and nothing else.
 
-use omnix_graph::{GraphError, Plan, PlanOptions};
+use omnix_graph::ops::Binary;
+use omnix_graph::{Graph, GraphError, Plan, PlanOptions};
 use omnix_kernels::{Caps, Gpu};
 use omnix_tests::{gpu, tiers, with_max_binding};
 
@@ -35,6 +36,36 @@ fn a_small_binding_limit_changes_no_bit() {
         // Hidden rows are 450 x 256 floats, 460,800 bytes; 64 of them are 65,536.
         let small = with_max_binding(&gpu, 131_072);
         assert_eq!(bits(&gpu, 1), bits(&small, 1), "{}", gpu.caps.tier);
+    }
+}
+
+/// A parameter or a constant with a row for every row of `x` (a position table at its own size), in a chain.
+#[test]
+fn tables_as_long_as_their_operand_are_cut_with_it() {
+    let (rows, c) = (300, 64);
+    let mut g = Graph::new();
+    let x = g.input("x", [rows, c]);
+    let table = g.parameter("table", [rows, c]);
+    let fixed = g.constant("fixed", [rows, c], (0..rows * c).map(|i| (i % 97) as f32 / 97.0).collect());
+    let scales = g.parameter("scales", [rows]);
+    let weight = g.parameter("weight", [c, c]);
+    let sum = g.add_values(x, table).expect("table");
+    let sum = g.add_values(sum, fixed).expect("constant");
+    let scaled = g.zip_rows(Binary::Mul, sum, scales).expect("a number per row");
+    let normed = g.layer_norm(scaled, None, None, 1e-6).expect("norm");
+    let y = g.linear(normed, weight, None).expect("linear");
+    g.output(y, "y");
+    for gpu in tiers() {
+        let of = |parts| {
+            let options = PlanOptions { parts, ..PlanOptions::default() };
+            let plan = Plan::new(&g, &gpu.caps, &options).expect("plans");
+            assert_eq!(plan.chunks().iter().any(|(_, all, chunk)| chunk < all), parts > 1, "chunks in {parts} parts");
+            run(&gpu, &g, &options)
+        };
+        let whole = of(1);
+        for parts in [2, 3, 64] {
+            assert_eq!(whole, of(parts), "{}: {parts} parts", gpu.caps.tier);
+        }
     }
 }
 

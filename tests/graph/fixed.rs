@@ -2,9 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use omnix_graph::op::{Binary, Unary};
+use omnix_graph::ops::{Binary, Unary};
 use omnix_graph::profile::profile;
-use omnix_graph::{Graph, Plan, PlanOptions};
+use omnix_graph::{Graph, Operation as _, Plan, PlanOptions};
 use omnix_kernels::resize::{Corners, Filter};
 use omnix_tests::gpu;
 

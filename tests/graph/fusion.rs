@@ -1,8 +1,8 @@
 //! Every fusion rule: the fused graph has fewer nodes and gives the unfused graph's numbers.
 
-use omnix_graph::fuse::fuse;
-use omnix_graph::op::{Binary, Op, Unary};
-use omnix_graph::{Graph, PlanOptions};
+use omnix_graph::ops::{Binary, Op, Unary};
+use omnix_graph::passes::fuse::fuse;
+use omnix_graph::{Graph, Operation as _, PlanOptions};
 use omnix_tests::{assert_close, tiers};
 
 use crate::support::{run, two_blocks};
@@ -112,7 +112,7 @@ fn what_nothing_needs_is_dropped() {
 fn a_transformer_block_has_no_pointwise_nodes_left() {
     let graph = two_blocks(3, 40, (2, 32));
     let fused = fuse(&graph);
-    assert!(fused.nodes().iter().all(|n| !matches!(n.op, Op::Unary { .. } | Op::Binary { .. })));
+    assert!(fused.nodes().iter().all(|n| !matches!(n.op, Op::Map(_) | Op::Zip(_))));
     for gpu in tiers() {
         let plain = run(&gpu, &graph, &PlanOptions { fuse: false, ..PlanOptions::default() });
         assert_close("two blocks", &run(&gpu, &graph, &PlanOptions::default()), &plain, 1e-6);

@@ -1,7 +1,7 @@
 //! No node reads and writes one buffer; values alive together never share.
 
-use omnix_graph::memory::Place;
-use omnix_graph::{Graph, Plan, PlanOptions};
+use omnix_graph::plan::memory::Place;
+use omnix_graph::{Graph, Operation as _, Plan, PlanOptions};
 use omnix_kernels::{Caps, WeightType};
 
 use crate::support::two_blocks;
@@ -37,7 +37,7 @@ fn no_two_values_that_are_alive_together_share_a_buffer() {
         let plan = Plan::new(graph, &Caps::lavapipe(), &options).expect("plans");
         let nodes = plan.graph.nodes();
         // From the node that makes it to the last that reads it; what is computed once is read by all runs.
-        let reads = |v, node: &omnix_graph::graph::Node| node.op.inputs().iter().any(|x| plan.graph.root(*x) == v);
+        let reads = |v, node: &omnix_graph::Node| node.op.inputs().iter().any(|x| plan.graph.root(*x) == v);
         let life = |i: usize, v| match nodes.iter().rposition(|node| reads(v, node)).unwrap_or(i).max(i) {
             last if i < plan.fixed && last >= plan.fixed => (i, usize::MAX),
             last => (i, last),

@@ -1,16 +1,15 @@
 //! Operations that are made of others, shape errors, indices, timing.
 
-use omnix_graph::op::{Corners, Filter, ReduceOp};
+use omnix_graph::ops::{Corners, Filter, Heads, Piece, ReduceOp, Unary};
 use omnix_graph::profile::{profile, write_chrome_trace};
-use omnix_graph::{Graph, PlanOptions};
+use omnix_graph::{Graph, ParameterSource as _, PlanOptions};
 use omnix_tests::{Rng, assert_close, gpu, tiers};
 
-use crate::support::{Seeded, feed, prepare, run, two_blocks};
-use omnix_graph::ParameterSource;
+use crate::support::{Seeded, feed, numbers, prepare, run, two_blocks};
 
 #[test]
 fn a_transposed_convolution_spreads_each_pixel() {
-    for (k, out) in [(2, 5), (4, 8)] {
+    for (k, out) in [(1, 3), (2, 5), (4, 8), (5, 6), (7, 2)] {
         let (frames, h, w, c) = (2, 3, 4, 8);
         let mut g = Graph::new();
         let x = g.input("x", [frames, h, w, c]);
@@ -19,7 +18,7 @@ fn a_transposed_convolution_spreads_each_pixel() {
         g.output(y, "y");
         let seeded = Seeded(&g);
         let (weight, bias) = (seeded.read("w").expect("w"), seeded.read("b").expect("b"));
-        let input = Rng::new(1).normal(frames * h * w * c);
+        let input = numbers("x", frames * h * w * c);
         let mut want = vec![0.0f32; frames * h * k * w * k * out];
         for f in 0..frames {
             for (row, column) in (0..h * k).flat_map(|r| (0..w * k).map(move |c| (r, c))) {
@@ -51,7 +50,7 @@ fn a_code_goes_to_columns_in_half_of_the_channels_and_to_rows_in_the_other() {
     // At its own size a map keeps its numbers.
     let y = g.resize_coded(x, [h, w], Filter::Bilinear, Corners::Align, Some(code)).expect("coded");
     g.output(y, "y");
-    let input = Rng::new(1).normal(frames * h * w * c);
+    let input = numbers("x", frames * h * w * c);
     let line = |pixel: usize, i: usize| if i < c / 2 { pixel % w } else { w + pixel / w % h };
     let want: Vec<f32> =
         (0..input.len()).map(|at| input[at] + table[line(at / c, at % c) * (c / 2) + at % c % (c / 2)]).collect();
@@ -71,10 +70,10 @@ fn layout_operations_move_the_right_numbers() {
     let turned = g.permute(x, &[2, 0, 1]).expect("permute");
     let part = g.slice(turned, 0, 1, 2).expect("slice");
     let joined = g.concat(&[part, part], 1).expect("concat");
-    let many = g.repeat(joined, 2);
+    let many = g.repeat(joined, 2).expect("repeat");
     let flat = g.reshape(many, [48]).expect("reshape");
     g.output(flat, "y");
-    let input = Rng::new(1).normal(24);
+    let input = numbers("x", 24);
     let at = |i: usize| {
         let (c, r, a) = (i / 12 % 2 + 1, i % 12 / 3 % 2, i % 3);
         input[r * 12 + a * 4 + c]
@@ -86,21 +85,24 @@ fn layout_operations_move_the_right_numbers() {
 #[test]
 fn rows_go_through_gather_scatter_and_top_k() {
     let mut g = Graph::new();
-    let scores = g.input("x", [1, 6]);
+    let scores = g.input("scores", [1, 6]);
     let (index, mask) = g.top_k(scores, 3).expect("top_k");
     let index = g.reshape(index, [3]).expect("index");
     let rows = g.input("rows", [6, 4]);
     let picked = g.gather(rows, index).expect("gather");
-    let back = g.scatter(rows, picked, index).expect("scatter");
+    // Other numbers than those that were there: a scatter that writes nothing would be seen.
+    let doubled = g.map(Unary::ScaleShift { s: 2.0, t: 1.0 }, picked);
+    let back = g.scatter(rows, doubled, index).expect("scatter");
     let mask = g.reshape(mask, [6]).expect("mask");
-    let kept = g.zip_rows(omnix_graph::op::Binary::Mul, back, mask).expect("mask");
+    let kept = g.zip_rows(omnix_graph::ops::Binary::Mul, back, mask).expect("mask");
     let sums = g.reduce(kept, ReduceOp::Sum, 1).expect("sum");
     g.output(sums, "y");
-    let (scores, rows) = (Rng::new(1).normal(6), Rng::new(4).normal(24));
+    let (scores, rows) = (numbers("scores", 6), numbers("rows", 24));
     let mut order: Vec<usize> = (0..6).collect();
     order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]));
-    let want: Vec<f32> =
-        (0..6).map(|r| if order[..3].contains(&r) { rows[r * 4..][..4].iter().sum() } else { 0.0 }).collect();
+    let want: Vec<f32> = (0..6)
+        .map(|r| if order[..3].contains(&r) { rows[r * 4..][..4].iter().map(|v| 2.0 * v + 1.0).sum() } else { 0.0 })
+        .collect();
     assert_close("masked rows", &run(gpu(), &g, &PlanOptions::default()), &want, 1e-6);
 }
 
@@ -113,6 +115,35 @@ fn shape_errors_name_operation_value_and_both_shapes() {
     assert_eq!(message, "linear: `blocks.0.fc1.weight` has shape [20, 13], expected [n, 12]");
     assert!(g.reshape(x, [7]).is_err() && g.permute(x, &[0, 0]).is_err() && g.slice(x, 1, 10, 3).is_err());
     assert!(g.top_k(x, 13).is_err() && g.conv2d(x, w, None, 1, 1).is_err());
+}
+
+#[test]
+fn arguments_that_no_operation_takes_are_errors_and_never_a_panic() {
+    let mut g = Graph::new();
+    let (scalar, row) = (g.input("scalar", [0usize; 0]), g.input("row", [3]));
+    let (matrix, index) = (g.input("matrix", [3, 4]), g.input("index", [2]));
+    let map = g.input("map", [1, 4, 4, 3]);
+    let kernel = g.parameter("kernel", [8, 3, 3, 3]);
+    assert_eq!(g.concat(&[], 0).expect_err("nothing").to_string(), "concat: there are no values to join");
+    assert!(g.concat(&[row, row], 1).is_err() && g.concat(&[scalar], 0).is_err(), "no such axis");
+    assert!(g.gather(scalar, index).is_err() && g.gather(matrix, matrix).is_err(), "nothing to take rows of");
+    assert!(g.scatter(scalar, matrix, index).is_err() && g.scatter(matrix, scalar, index).is_err(), "no rows to write");
+    assert!(g.scatter(matrix, row, index).is_err() && g.scatter(matrix, matrix, index).is_err());
+    assert!(g.reduce(scalar, ReduceOp::Sum, 0).is_err() && g.slice(row, 0, usize::MAX, 2).is_err());
+    assert!(g.attention(row, matrix, matrix).is_err() && g.attention(scalar, scalar, scalar).is_err());
+    assert!(g.conv2d(map, kernel, None, 0, 1).is_err(), "a stride of 0");
+    let code = g.constant("code", [8, 1], vec![0.0; 8]);
+    assert!(g.resize_coded(map, [4, 4], Filter::Bilinear, Corners::Align, Some(code)).is_err(), "odd channels");
+    let heads = Heads { groups: 0, heads: 1, head_dim: 4, norm: None, rope: None };
+    assert!(g.query_heads(matrix, 0, &heads).is_err(), "no groups");
+    let half = Piece { value: row, dims: vec![3], start: 0, strides: vec![1], at: vec![0] };
+    assert!(g.assemble([6], std::slice::from_ref(&half)).is_err(), "three of six numbers are never written");
+    assert!(g.assemble([6], &[half.clone(), Piece { at: vec![3], ..half }]).is_ok());
+    let deep = g.input("deep", [1, 1, 1, 1, 1, 1, 2]);
+    assert!(g.permute(deep, &[6, 5, 4, 3, 2, 1, 0]).is_err(), "a copy has six axes");
+    let wide = g.input("wide", [2, 1 << 33]);
+    let message = g.permute(wide, &[1, 0]).expect_err("more than 32 bits").to_string();
+    assert!(message.contains("32-bit"), "{message}");
 }
 
 #[test]

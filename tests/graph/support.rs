@@ -17,10 +17,15 @@ impl ParameterSource for Seeded<'_> {
             omnix_graph::graph::Source::Parameter(p) => p.full.clone(),
             _ => return Err(format!("{name} is no parameter").into()),
         };
-        let seed = name.bytes().fold(7u64, |s, b| s.wrapping_mul(31).wrapping_add(u64::from(b)));
         let depth = shape.get(1..).map_or(1, |d| d.iter().product::<usize>().max(1));
-        Ok(Rng::new(seed).normal(shape.elements()).iter().map(|v| v / (depth as f32).sqrt()).collect())
+        Ok(numbers(name, shape.elements()).iter().map(|v| v / (depth as f32).sqrt()).collect())
     }
+}
+
+/// Numbers seeded by `name`.
+pub(crate) fn numbers(name: &str, count: usize) -> Vec<f32> {
+    let seed = name.bytes().fold(7u64, |s, b| s.wrapping_mul(31).wrapping_add(u64::from(b)));
+    Rng::new(seed).normal(count)
 }
 
 /// Plans and prepares `graph`.
@@ -43,16 +48,15 @@ pub(crate) fn run(gpu: &Gpu, graph: &Graph, options: &PlanOptions) -> Vec<f32> {
 pub(crate) fn feed(executable: &Tensors, graph: &Graph) {
     for (_, info) in graph.values() {
         if matches!(info.source, omnix_graph::graph::Source::Input) {
-            let data = Rng::new(info.name.len() as u64).normal(info.shape.elements());
-            executable.write(&info.name, &data).expect("writes");
+            executable.write(&info.name, &numbers(&info.name, info.shape.elements())).expect("writes");
         }
     }
 }
 
 /// A transformer block over `groups` sequences of `tokens` tokens, as the networks record it.
 pub(crate) fn block(g: &mut Graph, x: Value, groups: usize, (heads, head_dim): (usize, usize), name: &str) -> Value {
-    use omnix_graph::build::Heads;
-    use omnix_graph::op::{Binary, Unary};
+    use omnix_graph::ops::Heads;
+    use omnix_graph::ops::{Binary, Unary};
     let c = heads * head_dim;
     let vector = |g: &mut Graph, leaf: &str, n: usize| g.parameter(&format!("{name}.{leaf}"), [n]);
     let (w1, b1) = (vector(g, "norm1.weight", c), vector(g, "norm1.bias", c));

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use omnix_geometry::{Camera, Pose, encode_pose_code};
 use omnix_graph::Graph;
-use omnix_graph::fuse::fuse;
+use omnix_graph::passes::fuse::fuse;
 use omnix_model::{BackboneSpec, HeadSpec, Network, NetworkConfig, ReferenceChoice};
 use omnix_weights::{Checkpoint, TensorFile};
 

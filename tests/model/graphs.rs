@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use omnix_graph::fuse::fuse;
 use omnix_graph::graph::Source;
-use omnix_graph::op::{Binary, Op, Unary};
-use omnix_graph::schedule::segments;
+use omnix_graph::ops::{Binary, Map, Op, Resize, Unary, Zip};
+use omnix_graph::passes::fuse::fuse;
+use omnix_graph::plan::schedule::segments;
 use omnix_graph::{Graph, GraphError, Value};
 use omnix_model::{
     BackboneOutputs, BackboneSpec, HeadSpec, ModelError, Network, NetworkConfig, Parts, Reference, ReferenceChoice,
@@ -138,16 +138,16 @@ fn fusion_leaves_no_pointwise_work_in_blocks() {
     assert_eq!(count(&fused, |op| matches!(op, Op::Linear(_))), 4 * local + 6 * global + 1 + 5);
     assert_eq!(count(&fused, |op| matches!(op, Op::SplitHeads(_))), 3 * 12);
     assert_eq!(count(&fused, |op| matches!(op, Op::Attention(_))), 12);
-    assert_eq!(count(&fused, |op| matches!(op, Op::Unary { .. })), 0);
+    assert_eq!(count(&fused, |op| matches!(op, Op::Map(_))), 0);
     // The position rows alone.
-    assert_eq!(count(&fused, |op| matches!(op, Op::Binary { .. })), 1);
+    assert_eq!(count(&fused, |op| matches!(op, Op::Zip(_))), 1);
     assert_eq!(count(&fused, |op| matches!(op, Op::Gather { .. } | Op::ReferenceView { .. })), 0);
 
     // SwiGLU stays one node between its two products.
     let (g, _) = backbone(&fixture::network("tiny-b"), &spec(2, (5, 7)));
     let fused = fuse(&g);
     assert_eq!(count(&fused, |op| matches!(op, Op::SwiGlu { .. })), 8);
-    assert_eq!(count(&fused, |op| matches!(op, Op::Unary { .. } | Op::Binary { .. })), 1);
+    assert_eq!(count(&fused, |op| matches!(op, Op::Map(_) | Op::Zip(_))), 1);
 }
 
 #[test]
@@ -156,12 +156,12 @@ fn fusion_leaves_little_pointwise_work_in_the_head() {
     let mut g = Graph::new();
     network.head(&mut g, &HeadSpec { frames: 2, grid: (5, 7), rays: true, points: false }).unwrap();
     let fused = fuse(&g);
-    assert_eq!(count(&fused, |op| matches!(op, Op::Unary { op: Unary::Relu, .. })), 0);
+    assert_eq!(count(&fused, |op| matches!(op, Op::Map(Map { op: Unary::Relu, .. }))), 0);
     // Three exponentials' worth: depth, and two confidences with their + 1.
-    assert_eq!(count(&fused, |op| matches!(op, Op::Unary { .. })), 2 + 3);
+    assert_eq!(count(&fused, |op| matches!(op, Op::Map(_))), 2 + 3);
     // UV codes behind the four projections, on the ray branch's neck, and where the map takes the picture's size.
-    assert_eq!(count(&fused, |op| matches!(op, Op::Binary { op: Binary::Add, .. })), 0);
-    assert_eq!(count(&fused, |op| matches!(op, Op::Resize { code: Some(_), .. })), 4 + 1 + 1);
+    assert_eq!(count(&fused, |op| matches!(op, Op::Zip(Zip { op: Binary::Add, .. }))), 0);
+    assert_eq!(count(&fused, |op| matches!(op, Op::Resize(Resize { code: Some(_), .. }))), 4 + 1 + 1);
     assert_eq!(count(&fused, |op| matches!(op, Op::Resize { .. })), 4 + 4 + 4 + 1 + 1);
     // resize_layers.3, four rn, two chains of seven units of two, neck, 3x3, five plain ones and a 3x3.
     assert_eq!(count(&fused, |op| matches!(op, Op::Conv2d(_))), 1 + 4 + 2 * 14 + 2 + 6);
@@ -277,7 +277,7 @@ fn requests_that_cannot_be_met() {
 
 #[test]
 fn assemble_checks_its_pieces() {
-    use omnix_graph::build::Piece;
+    use omnix_graph::ops::Piece;
     let mut g = Graph::new();
     let x = g.input("x", [2, 3]);
     let piece = |dims: [usize; 2], start, at: [usize; 2]| Piece {

@@ -7,11 +7,12 @@ mod motion;
 
 use std::collections::BTreeMap;
 
-use omnix_graph::graph::Source;
-use omnix_graph::op::{
-    Attention, Binary, Conv2d, Corners, Filter, Linear, Op, Operand, SplitHeads, Strategy, Unary, WeightForm,
+use omnix_graph::graph::{Source, WeightForm};
+use omnix_graph::ops::{
+    Attention, Binary, Conv2d, Copies, Corners, Filter, Gather, LayerNorm, Linear, Map, Op, Operand, ReferenceView,
+    Resize, SplitHeads, Strategy, SwiGlu, Unary, Zip,
 };
-use omnix_graph::{Graph, Value};
+use omnix_graph::{Graph, Operation as _, Value};
 use omnix_kernels::Activation;
 
 /// Values by the index of their root.
@@ -71,7 +72,7 @@ impl Run<'_> {
     fn node(&self, op: &Op, y: Value) -> Vec<Vec<f32>> {
         match op {
             Op::Linear(l) => vec![self.linear(l)],
-            Op::LayerNorm { x, weight, bias, eps, act } => {
+            Op::LayerNorm(LayerNorm { x, weight, bias, eps, act }) => {
                 let get = |v: &Option<Value>| v.map(|v| self.get(v));
                 let mut y = layer_norm(self.get(*x), self.graph.shape(*x).width(), get(weight), get(bias), *eps);
                 y.iter_mut().for_each(|v| *v = activate(*act, *v));
@@ -83,11 +84,11 @@ impl Run<'_> {
                 vec![self.attention(a), state]
             }
             Op::Conv2d(c) => vec![self.conv2d(c)],
-            Op::Resize { x, filter, corners, code } => vec![self.resize(*x, y, (*filter, *corners), *code)],
-            Op::Copy { pieces } => vec![self.copy(pieces)],
-            Op::Unary { op, x } => vec![self.get(*x).iter().map(|v| unary(*op, *v)).collect()],
-            Op::Binary { op, a, b } => vec![self.binary(*op, *a, *b)],
-            Op::SwiGlu { x } => {
+            Op::Resize(Resize { x, filter, corners, code }) => vec![self.resize(*x, y, (*filter, *corners), *code)],
+            Op::Copies(Copies { pieces }) => vec![self.copy(pieces)],
+            Op::Map(Map { op, x }) => vec![self.get(*x).iter().map(|v| unary(*op, *v)).collect()],
+            Op::Zip(Zip { op, a, b }) => vec![self.binary(*op, *a, *b)],
+            Op::SwiGlu(SwiGlu { x }) => {
                 let width = self.graph.shape(*x).width();
                 let rows = self.get(*x).chunks_exact(width);
                 let gated = |row: &[f32]| {
@@ -96,12 +97,14 @@ impl Run<'_> {
                 };
                 vec![rows.flat_map(gated).collect()]
             }
-            Op::Gather { x, index } => {
+            Op::Gather(Gather { x, index }) => {
                 let row = self.get(*x).len() / self.graph.shape(*x)[0];
                 let rows = self.get(*index).iter().map(|i| &self.get(*x)[i.to_bits() as usize * row..][..row]);
                 vec![rows.flatten().copied().collect()]
             }
-            Op::ReferenceView { x, strategy } => reference_view(self.get(*x), self.graph.shape(*x)[0], *strategy),
+            Op::ReferenceView(ReferenceView { x, strategy }) => {
+                reference_view(self.get(*x), self.graph.shape(*x)[0], *strategy)
+            }
             other => self.motion(other).unwrap_or_else(|| panic!("{} is not interpreted", other.name())),
         }
     }
@@ -239,7 +242,7 @@ impl Run<'_> {
         y
     }
 
-    fn copy(&self, pieces: &[(Value, omnix_graph::op::StridedCopy)]) -> Vec<f32> {
+    fn copy(&self, pieces: &[(Value, omnix_graph::ops::StridedCopy)]) -> Vec<f32> {
         let size = pieces.iter().map(|(_, p)| p.shape.iter().product::<u32>() as usize).sum();
         let mut y = vec![f32::NAN; size];
         for (value, piece) in pieces {

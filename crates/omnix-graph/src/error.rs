@@ -2,7 +2,7 @@
 
 use omnix_kernels::KernelError;
 
-use crate::graph::Shape;
+use crate::graph::value::Shape;
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +19,14 @@ pub enum GraphError {
         expected: String,
         /// What it was given.
         got: Shape,
+    },
+    /// Arguments that do not make an operation, whatever their shapes.
+    #[error("{op}: {reason}")]
+    Arguments {
+        /// The operation.
+        op: &'static str,
+        /// What is wrong with them.
+        reason: String,
     },
     /// A tensor larger than the device's largest buffer.
     #[error(
@@ -83,4 +91,17 @@ pub enum GraphError {
     /// The caller asked to stop between two pieces of work.
     #[error("interrupted")]
     Interrupted,
+}
+
+/// An error for an operation whose kernel takes fewer rows, columns or elements than asked.
+pub(crate) fn too_large(kernel: &'static str, n: usize) -> KernelError {
+    KernelError::Unsupported {
+        kernel,
+        reason: format!("{n} elements exceed 32-bit indices; use fewer or smaller images"),
+    }
+}
+
+/// A size as kernels take it.
+pub(crate) fn u32_of(kernel: &'static str, n: usize) -> Result<u32, KernelError> {
+    u32::try_from(n).map_err(|_| too_large(kernel, n))
 }

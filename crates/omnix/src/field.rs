@@ -13,7 +13,7 @@ mod shape;
 mod store;
 
 use omnix_geometry::Camera;
-use omnix_graph::op::{Gate, Motion};
+use omnix_graph::ops::{Gate, Motion};
 use omnix_io::Picture;
 use omnix_kernels::Gpu;
 

@@ -1,7 +1,7 @@
-//! The operations of the trajectory module and its sampling head, from their definitions (`omnix_graph::op`).
+//! The operations of the trajectory module and its sampling head, from their definitions (`omnix_graph::ops`).
 
 use omnix_graph::Value;
-use omnix_graph::op::{Op, ReduceOp};
+use omnix_graph::ops::{FieldScatter, Op, Reduce, ReduceOp, Softmax, TokenExpand, TopK};
 
 use super::Run;
 
@@ -9,16 +9,16 @@ impl Run<'_> {
     /// The results of `op`, if it is one of these.
     pub(super) fn motion(&self, op: &Op) -> Option<Vec<Vec<f32>>> {
         Some(match op {
-            Op::Softmax { x } => vec![softmax(self.get(*x), self.graph.shape(*x).width())],
-            Op::Reduce { x, op, dims } => vec![reduce(self.get(*x), *op, *dims)],
-            Op::TopK { x, k, flat } => {
+            Op::Softmax(Softmax { x }) => vec![softmax(self.get(*x), self.graph.shape(*x).width())],
+            Op::Reduce(Reduce { x, op, dims }) => vec![reduce(self.get(*x), *op, *dims)],
+            Op::TopK(TopK { x, k, flat }) => {
                 let (index, mask) = top_k(self.get(*x), self.graph.shape(*x).width(), *k, *flat);
                 vec![index, mask]
             }
-            Op::TokenExpand { q, scale, shift, alpha, kappa } => {
+            Op::TokenExpand(TokenExpand { q, scale, shift, alpha, kappa }) => {
                 vec![self.token_expand(*q, *shift, [*scale, *alpha, *kappa])]
             }
-            Op::FieldScatter { z, index, rest } => vec![self.field_scatter(*z, *index, *rest)],
+            Op::FieldScatter(FieldScatter { z, index, rest }) => vec![self.field_scatter(*z, *index, *rest)],
             _ => return None,
         })
     }
@@ -41,7 +41,7 @@ impl Run<'_> {
         let [times, sources, k, c] = self.dims(z)[..] else { panic!("a stream") };
         let (z, index, rest) = (self.get(z), self.get(index), self.get(rest));
         // The field's own shape says how many cells there are.
-        let made = self.graph.nodes().iter().find(|n| matches!(n.op, Op::FieldScatter { .. })).unwrap();
+        let made = self.graph.nodes().iter().find(|n| matches!(n.op, Op::FieldScatter(_))).unwrap();
         let cells = self.graph.shape(made.outputs[0])[2];
         let mut field = rest.repeat(sources * times * cells);
         for s in 0..sources {

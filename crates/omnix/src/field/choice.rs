@@ -4,7 +4,7 @@ use omnix_io::Picture;
 use omnix_io::output::motion::{ImageTime, MotionView, MovingPoints, SourceMotion};
 use omnix_io::output::{PointOptions, choose_points};
 
-use omnix_graph::op::Gate;
+use omnix_graph::ops::Gate;
 
 use super::{Field, Pixels, Query};
 use crate::error::OmnixError;

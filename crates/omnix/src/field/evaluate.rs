@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use omnix_graph::op::Motion;
+use omnix_graph::ops::Motion;
 use omnix_graph::{Bindings, Executable, Graph, Plan, PlanOptions, WeightStore};
 use omnix_kernels::{BufferSlice, Caps, run};
 use omnix_model::TrajectorySpec;

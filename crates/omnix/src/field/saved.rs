@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use omnix_geometry::Camera;
-use omnix_graph::op::{Gate, Motion};
+use omnix_graph::ops::{Gate, Motion};
 use omnix_io::output::field::{FieldReader, FieldType, FieldWriter, TensorSpec};
 use omnix_io::{IoError, Picture};
 use serde_json::{Value, json};

@@ -2,7 +2,7 @@
 
 use omnix_geometry::{Camera, corner_rays};
 use omnix_graph::Tensors;
-use omnix_graph::op::Motion;
+use omnix_graph::ops::Motion;
 use omnix_kernels::{BufferSlice, Gpu, run};
 
 use super::stages::{Kept, inputs, part};

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Deref};
 
-use omnix_graph::weights::WeightKey;
+use omnix_graph::WeightKey;
 use omnix_graph::{Bindings, Executable, GraphError, Plan, Streamed, Tensors, WeightStore};
 use omnix_kernels::Gpu;
 use rayon::prelude::*;

@@ -1,0 +1,9 @@
+//! A plan on a borrowed device: buffers, uploads, runs. All that touches a device is here.
+
+pub mod exec;
+pub mod profile;
+pub mod source;
+pub mod store;
+pub mod stream;
+pub mod tensors;
+mod upload;

@@ -1,0 +1,133 @@
+//! How parameters are stored on a device: which form each reader wants, and how many bytes that takes.
+
+use omnix_kernels::dispatch::round_up;
+use omnix_kernels::packed::fits_f16;
+use omnix_kernels::winograd::{PLACES, transform};
+use omnix_kernels::{PackedWeights, WeightType};
+
+use super::parameter::Parameter;
+use super::value::Value;
+use super::values::{Source, Values};
+use crate::error::GraphError;
+
+/// How a parameter is packed for the matrix product that reads it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum WeightForm {
+    /// `[out, in]`: column n is row n.
+    Linear,
+    /// `[out, in, rows, columns]` of a convolution: depth in the order (row, column, in).
+    Conv,
+    /// `[out, in, 3, 3]` transformed for Winograd's algorithm: depth in the order (place, in), `winograd::PLACES` places.
+    Winograd,
+    /// `[in, out, k, k]` of a transposed convolution with stride k: columns in the order (row, column, out).
+    ConvTranspose,
+}
+
+/// How a parameter lies on the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Packing {
+    /// As in the checkpoint, f32.
+    Plain,
+    /// A transposed convolution's bias, once for each of this number of pixels of a block.
+    Repeat(usize),
+    /// Blocks of 32 columns, see `omnix_kernels::packed`.
+    Matrix(WeightForm, WeightType),
+}
+
+/// One stored parameter.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct WeightKey {
+    /// What it is in the checkpoint.
+    pub parameter: Parameter,
+    /// How it is stored.
+    pub packing: Packing,
+}
+
+impl WeightKey {
+    /// Bytes on the device.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let dims = self.parameter.shape();
+        let elements = dims.elements() as u64;
+        let bytes = match self.packing {
+            Packing::Plain => elements * 4,
+            Packing::Repeat(pixels) => elements * 4 * pixels as u64,
+            Packing::Matrix(form, storage) => packed_shape(&dims, form, storage).bytes(),
+        };
+        round_up(bytes, 256)
+    }
+
+    /// Writes the stored bytes to `out`, which is all zeros, from all numbers of the checkpoint's tensor.
+    ///
+    /// # Errors
+    /// [`GraphError::DoesNotFit`] for the first number that is finite and would be stored as infinity.
+    pub(crate) fn pack(&self, all: &[f32], out: &mut [u8]) -> Result<(), GraphError> {
+        let (dims, data) = (self.parameter.shape(), self.parameter.block(all));
+        let row: usize = dims.get(1..).map_or(1, |rest| rest.iter().product());
+        let mut write = |bytes: &[u8]| out[..bytes.len()].copy_from_slice(bytes);
+        let packed = match self.packing {
+            Packing::Plain => {
+                write(bytemuck::cast_slice(&data));
+                Ok(())
+            }
+            Packing::Repeat(pixels) => {
+                write(bytemuck::cast_slice(&data.repeat(pixels)));
+                Ok(())
+            }
+            Packing::Matrix(form, storage) => {
+                let shape = packed_shape(&dims, form, storage);
+                match form {
+                    WeightForm::Linear => shape.pack_into(|k, n| data[n * row + k], out),
+                    WeightForm::Conv => {
+                        let (channels, taps) = (dims[1], dims[2] * dims[3]);
+                        shape.pack_into(|k, n| data[n * row + k % channels * taps + k / channels], out)
+                    }
+                    WeightForm::Winograd => {
+                        let channels = dims[1];
+                        let places: Vec<_> = data.as_chunks().0.iter().map(|taps| transform(*taps)).collect();
+                        shape.pack_into(|k, n| places[n * channels + k % channels][k / channels], out)
+                    }
+                    WeightForm::ConvTranspose => {
+                        let (width, taps) = (dims[1], dims[2] * dims[3]);
+                        shape.pack_into(|k, n| data[k * row + n % width * taps + n / width], out)
+                    }
+                }
+            }
+        };
+        packed.map_err(|found| {
+            // Packing knows a place in the matrix; a reader of the message looks for one in the checkpoint's tensor.
+            let within = data.iter().position(|v| !fits_f16(*v));
+            let place = within.map_or_else(|| vec![found.n, found.k], |at| self.parameter.indices(at));
+            let value = within.map_or(found.value, |at| data[at]);
+            GraphError::DoesNotFit { name: self.parameter.name.to_string(), place, value }
+        })
+    }
+
+    /// Whether numbers are stored as f16, so that magnitudes from 65520 on do not fit.
+    #[must_use]
+    pub fn is_half(&self) -> bool {
+        matches!(self.packing, Packing::Matrix(_, WeightType::F16))
+    }
+}
+
+/// How the matrix `value` is stored when the plan stores matrices as `storage`. int8 is for linear layers: the kernels of
+/// convolutions, four axes long, are f16 then.
+pub(crate) fn stored_as(values: &Values, value: Value, storage: WeightType) -> WeightType {
+    match &values.info(values.root(value)).source {
+        Source::Parameter(p) if p.keep_f32 => WeightType::F32,
+        _ if storage == WeightType::I8 && values.shape(value).len() != 2 => WeightType::F16,
+        _ => storage,
+    }
+}
+
+/// The packed shape of the matrix of a linear layer or convolution, from the parameter's shape.
+#[must_use]
+pub fn packed_shape(shape: &[usize], form: WeightForm, storage: WeightType) -> PackedWeights {
+    let product = |dims: &[usize]| dims.iter().product::<usize>() as u32;
+    let (k, n) = match form {
+        WeightForm::Linear | WeightForm::Conv => (product(&shape[1..]), shape[0] as u32),
+        WeightForm::Winograd => (PLACES * shape[1] as u32, shape[0] as u32),
+        WeightForm::ConvTranspose => (shape[0] as u32, product(&shape[1..])),
+    };
+    PackedWeights { k, n, storage }
+}

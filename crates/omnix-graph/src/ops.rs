@@ -1,0 +1,160 @@
+//! The closed set of operations, one file each: what it is, its shape rule (the method of [`Graph`] that records it), its
+//! kernel calls, how it goes in rows, the operations it counts. This file only dispatches.
+//!
+//! Fused fields (`act`, `gamma`, `residual`, `relu_input`) are filled by [`crate::passes::fuse`]; layers record the parts
+//! separately.
+
+mod attention;
+mod conv2d;
+mod conv_transpose2d;
+mod copy;
+mod deform_sample;
+mod field_scatter;
+mod gather;
+mod layer_norm;
+mod linear;
+mod pointwise;
+mod reduce;
+mod reference_view;
+mod resize;
+mod sampling;
+mod scatter;
+mod softmax;
+mod split_heads;
+mod swiglu;
+mod token_expand;
+mod top_k;
+mod traj_apply;
+mod trajectory;
+
+pub use omnix_kernels::copy::{Copy as StridedCopy, Strided};
+pub use omnix_kernels::pointwise::{Binary, Unary};
+pub use omnix_kernels::reduce::ReduceOp;
+pub use omnix_kernels::reference_view::Strategy;
+pub use omnix_kernels::resize::{Corners, Filter, Ratio};
+pub use omnix_kernels::split_heads::HeadLayout;
+pub use omnix_kernels::traj_apply::{Gate, Motion};
+
+pub use attention::Attention;
+pub use conv2d::Conv2d;
+pub use copy::{Copies, Piece};
+pub use deform_sample::DeformSample;
+pub use field_scatter::FieldScatter;
+pub use gather::Gather;
+pub use layer_norm::LayerNorm;
+pub use linear::Linear;
+pub use pointwise::{Map, Operand, Zip};
+pub use reduce::Reduce;
+pub use reference_view::ReferenceView;
+pub use resize::Resize;
+pub use sampling::Sampling;
+pub use scatter::Scatter;
+pub use softmax::Softmax;
+pub use split_heads::{HeadNorm, Heads, SplitHeads, WIDEST_HEAD};
+pub use swiglu::SwiGlu;
+pub use token_expand::{Expand, TokenExpand};
+pub use top_k::TopK;
+pub use traj_apply::TrajApply;
+pub use trajectory::Trajectory;
+
+use omnix_kernels::{KernelError, WeightType};
+use smallvec::SmallVec;
+
+use crate::graph::{Call, Operation, Packing, RowWise, Site, Value, Values};
+
+/// A graph of these operations.
+pub type Graph = crate::graph::Graph<Op>;
+/// A node of such a graph.
+pub type Node = crate::graph::Node<Op>;
+
+/// States the set: the enum, and that everything asked of it is answered by the operation.
+macro_rules! operations {
+    ($($(#[$doc:meta])* $op:ident,)*) => {
+        /// One operation with its arguments.
+        #[derive(Clone, Debug)]
+        pub enum Op {
+            $($(#[$doc])* $op($op),)*
+        }
+
+        $(impl From<$op> for Op {
+            fn from(op: $op) -> Self {
+                Self::$op(op)
+            }
+        })*
+
+        impl Operation for Op {
+            fn name(&self) -> &'static str {
+                match self { $(Self::$op(op) => op.name(),)* }
+            }
+
+            fn map_inputs(&mut self, map: &mut dyn FnMut(Value) -> Value) {
+                match self { $(Self::$op(op) => op.map_inputs(map),)* }
+            }
+
+            fn lower(&self, site: &Site<'_>) -> Result<Vec<Call>, KernelError> {
+                match self { $(Self::$op(op) => op.lower(site),)* }
+            }
+
+            fn flops(&self, values: &Values, outputs: &[Value]) -> u64 {
+                match self { $(Self::$op(op) => op.flops(values, outputs),)* }
+            }
+
+            fn row_wise(&self, values: &Values) -> Option<RowWise> {
+                match self { $(Self::$op(op) => op.row_wise(values),)* }
+            }
+
+            fn packing(&self, values: &Values, value: Value, storage: WeightType) -> Packing {
+                match self { $(Self::$op(op) => op.packing(values, value, storage),)* }
+            }
+
+            fn windowed(&self, outputs: &[Value]) -> SmallVec<[Value; 2]> {
+                match self { $(Self::$op(op) => op.windowed(outputs),)* }
+            }
+        }
+    };
+}
+
+operations! {
+    /// Matrix product with epilogue.
+    Linear,
+    /// Layer norm over the last axis.
+    LayerNorm,
+    /// Split, normalise, rotate (RoPE), scale, lay out.
+    SplitHeads,
+    /// Attention without a score matrix.
+    Attention,
+    /// Convolution with epilogue.
+    Conv2d,
+    /// A map at another height and width.
+    Resize,
+    /// An output put together from strided pieces.
+    Copies,
+    /// A function of one value, element by element.
+    Map,
+    /// A function of two values, element by element.
+    Zip,
+    /// `silu(a) · b`.
+    SwiGlu,
+    /// Softmax over the last axis.
+    Softmax,
+    /// Sum, mean, maximum, minimum or standard deviation over one axis.
+    Reduce,
+    /// Rows by index.
+    Gather,
+    /// Rows written by index.
+    Scatter,
+    /// The k largest of each row.
+    TopK,
+    /// Which view is the reference.
+    ReferenceView,
+    /// Every token once for every time.
+    TokenExpand,
+    /// Tokens at their cells of a field.
+    FieldScatter,
+    /// A field and a mask at sampling points.
+    DeformSample,
+    /// Points moved by what was sampled.
+    TrajApply,
+    /// The last two in one, for a range of times.
+    Trajectory,
+}
