@@ -3,32 +3,24 @@
 //!
 //! The stream `x` is one matrix `[S·T, C]`, view after view. Blocks behind the last layer that is taken are left out.
 
-mod block;
 mod embed;
 mod features;
 mod reference;
-mod rope;
 mod spec;
 mod tokens;
 
 use omnix_graph::{Graph, Value};
-use omnix_weights::Scope;
 
-pub(crate) use block::{Block, Span};
-pub(crate) use rope::table as rope_table;
 pub use spec::{BackboneOutputs, BackboneSpec, Reference, ReferenceChoice};
 
+use crate::block::{Block, Span};
 use crate::config::NetworkConfig;
-use crate::{ModelError, camera};
+use crate::{ModelError, camera, rope};
 use reference::Order;
+use spec::root;
 
 /// Eps of a block's two norms.
 const BLOCK_EPS: f32 = 1e-6;
-
-/// Where the encoder's tensors are.
-fn root() -> Scope {
-    Scope::root().pp("backbone.pretrained")
-}
 
 /// Records everything up to the features and the camera codes.
 pub(crate) fn record(

@@ -6,7 +6,7 @@
 use omnix_graph::{Graph, GraphError, Value};
 use omnix_weights::Scope;
 
-use crate::backbone::{Block, Span};
+use crate::block::{Block, Span};
 use crate::config::{CameraEncoderConfig, FeedForward};
 use crate::layers::{gelu, layer_norm, linear, precise_linear, relu};
 

@@ -7,13 +7,11 @@
 mod check;
 mod da3;
 mod fields;
+mod json;
+mod need;
 mod omnix;
 mod trajectory;
 
-use serde_json::Value;
-
-use crate::ModelError;
-use fields::Fields;
 pub(crate) use trajectory::RIGID;
 pub use trajectory::{
     FieldKind, MotionGate, Rounding, SampledScore, SamplingConfig, TimeGain, TokenFeatures, TrajectoryConfig,
@@ -195,45 +193,9 @@ pub struct NetworkConfig {
 }
 
 impl NetworkConfig {
-    /// Reads a `config.json` of either format and checks every value.
-    ///
-    /// # Errors
-    /// [`ModelError::FieldMissing`] and [`ModelError::BadField`] name the field; [`ModelError::Unsupported`] a network of
-    /// another kind.
-    pub fn from_json(value: &Value) -> Result<Self, ModelError> {
-        let root = Fields::root(value)?;
-        let config = if root.get("format").is_some() { omnix::read(&root)? } else { da3::read(&root)? };
-        config.check()?;
-        Ok(config)
-    }
-
     /// The prefix of the tensors' names, where the configuration says it.
     #[must_use]
     pub fn key_prefix(&self) -> Option<&str> {
         self.key_prefix.as_deref()
-    }
-
-    /// da3-small.
-    #[must_use]
-    pub fn small() -> Self {
-        da3::published("da3-small", &da3::SMALL)
-    }
-
-    /// da3-base.
-    #[must_use]
-    pub fn base() -> Self {
-        da3::published("da3-base", &da3::BASE)
-    }
-
-    /// da3-large.
-    #[must_use]
-    pub fn large() -> Self {
-        da3::published("da3-large", &da3::LARGE)
-    }
-
-    /// da3-giant, without its Gaussian head.
-    #[must_use]
-    pub fn giant() -> Self {
-        da3::published("da3-giant", &da3::GIANT)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use omnix_graph::op::{Binary, Corners, Filter, Unary};
+use omnix_graph::ops::{Binary, Corners, Filter, Unary};
 use omnix_graph::{Graph, GraphError, Value};
 use omnix_weights::Scope;
 

@@ -17,6 +17,7 @@
 //! and left out).
 
 pub mod backbone;
+mod block;
 mod camera;
 pub mod config;
 mod dpt;
@@ -25,6 +26,7 @@ mod layers;
 mod manifest;
 mod motion;
 mod network;
+mod rope;
 mod sampling;
 mod trajectory;
 

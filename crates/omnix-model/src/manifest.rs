@@ -4,12 +4,14 @@
 //! the ray branch's outputs are in every published file and are never read. The layer norm that the four levels
 //! share is read under level 0's name, the only one published files hold; files that hold all four have copies.
 
+mod list;
 mod trajectory;
 
 use omnix_weights::{Manifest, Requirement, Scope};
 
 use crate::PATCH;
 use crate::config::{BackboneConfig, CameraEncoderConfig, FeedForward, HeadConfig, NetworkConfig, PointsFrom};
+use list::{List, fusion, main_branch, when};
 
 /// What will be asked of the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,30 +54,6 @@ pub fn manifest(config: &NetworkConfig, parts: &Parts) -> Manifest {
     manifest
 }
 
-fn when(wanted: bool) -> Requirement {
-    if wanted { Requirement::Required } else { Requirement::Optional }
-}
-
-struct List {
-    manifest: Manifest,
-    requirement: Requirement,
-}
-
-impl List {
-    fn add(&mut self, name: String, shape: &[usize]) {
-        match self.requirement {
-            Requirement::Required => self.manifest.require(name, shape),
-            Requirement::Optional => self.manifest.optional(name, shape),
-        };
-    }
-
-    /// A weight of this shape and a bias of its first dimension.
-    fn layer(&mut self, at: &Scope, shape: &[usize]) {
-        self.add(at.name("weight"), shape);
-        self.add(at.name("bias"), &shape[..1]);
-    }
-}
-
 fn backbone(list: &mut List, config: &BackboneConfig) {
     let BackboneConfig { width: c, position_grid: grid, .. } = *config;
     let at = Scope::root().pp("backbone.pretrained");
@@ -113,23 +91,6 @@ fn transformer_block(list: &mut List, at: &Scope, c: usize, ffn: FeedForward) {
     list.add(at.name("ls2.gamma"), &[c]);
 }
 
-/// What both heads have between the features and the last layer, which makes `out` numbers of `hidden`.
-fn main_branch(list: &mut List, head: &Scope, wide: usize, f: usize, channels: [usize; 4], last: [usize; 2]) {
-    let ([hidden, out], at) = (last, head.pp("scratch"));
-    list.layer(&head.pp("norm"), &[wide]);
-    for (k, c) in channels.into_iter().enumerate() {
-        list.layer(&head.pp("projects").pp(k), &[c, wide, 1, 1]);
-        if let Some(side) = [Some(4), Some(2), None, Some(3)][k] {
-            list.layer(&head.pp("resize_layers").pp(k), &[c, c, side, side]);
-        }
-        list.add(at.name(format_args!("layer{}_rn.weight", k + 1)), &[f, c, 3, 3]);
-    }
-    fusion(list, &at, "", f);
-    list.layer(&at.pp("output_conv1"), &[f / 2, f, 3, 3]);
-    list.layer(&at.pp("output_conv2.0"), &[hidden, f / 2, 3, 3]);
-    list.layer(&at.pp("output_conv2.2"), &[out, hidden, 1, 1]);
-}
-
 fn dense_head(list: &mut List, config: &HeadConfig, wide: usize, rays: bool) {
     let HeadConfig { features: f, channels, aux_convs, .. } = *config;
     let head = Scope::root().pp("head");
@@ -147,19 +108,6 @@ fn dense_head(list: &mut List, config: &HeadConfig, wide: usize, rays: bool) {
         }
         list.layer(&at.pp("output_conv2_aux").pp(level).pp(0), &[32, f / 2, 3, 3]);
         list.layer(&at.pp("output_conv2_aux").pp(level).pp(5), &[7, 32, 1, 1]);
-    }
-}
-
-fn fusion(list: &mut List, at: &Scope, suffix: &str, f: usize) {
-    for k in 1..=4 {
-        let step = at.pp(format_args!("refinenet{k}{suffix}"));
-        // The deepest step has nothing to add to.
-        for unit in if k == 4 { 2..=2 } else { 1..=2 } {
-            for conv in 1..=2 {
-                list.layer(&step.pp(format_args!("resConfUnit{unit}.conv{conv}")), &[f, f, 3, 3]);
-            }
-        }
-        list.layer(&step.pp("out_conv"), &[f, f, 1, 1]);
     }
 }
 

@@ -10,59 +10,15 @@
 
 mod block;
 mod field;
+mod spec;
 mod tokens;
 
-use omnix_graph::{Graph, Value};
-use omnix_weights::Scope;
+use omnix_graph::Graph;
+
+pub use spec::{MotionOutputs, MotionSpec};
 
 use crate::ModelError;
 use crate::config::{SampledScore, TrajectoryConfig};
-
-/// What the spatiotemporal module is asked for.
-#[derive(Clone, Debug)]
-pub struct MotionSpec {
-    /// Images of the collection, T: sources and target times.
-    pub images: usize,
-    /// Patch rows and columns.
-    pub grid: (usize, usize),
-    /// Video and frame number of every image.
-    pub times: Vec<(u32, u32)>,
-}
-
-impl MotionSpec {
-    /// Patches of an image, L.
-    #[must_use]
-    pub fn patches(&self) -> usize {
-        self.grid.0 * self.grid.1
-    }
-
-    /// `PlanOptions::parts` with which nothing but the stream grows with the square of the number of images: a chunk is
-    /// one target time.
-    #[must_use]
-    pub fn parts(&self) -> usize {
-        self.images
-    }
-}
-
-/// The recorded module; the last three are declared as outputs of the graph.
-#[derive(Clone, Debug)]
-pub struct MotionOutputs {
-    /// The inputs `feat.0` to `feat.3` `[T, L, C]`; where tokens are made of the last feature, it alone.
-    pub features: Vec<Value>,
-    /// The input `traj.point_tokens` `[T, L, d]`, where tokens take points.
-    pub point_tokens: Option<Value>,
-    /// `field` `[T source, M, T target, L, 9]`.
-    pub field: Value,
-    /// `mask` `[T, L]`: 1 for tokens that were followed, else 0; or the probability, where that is what pixels sample.
-    pub mask: Value,
-    /// `traj.score` `[T, L]`: the probability of motion.
-    pub score: Value,
-}
-
-/// Where the module's tensors are.
-fn root() -> Scope {
-    Scope::root().pp("st_mod")
-}
 
 /// Records everything up to the field.
 pub(crate) fn record(

@@ -3,7 +3,7 @@
 //! Any pixels at any range of target times give the bits that all of them give. Which image and which range are data (the
 //! input `when`): one recording serves all.
 
-use omnix_graph::op::{Motion, Sampling, Trajectory};
+use omnix_graph::ops::{Motion, Sampling, Trajectory};
 use omnix_graph::{Graph, GraphError, Value};
 
 use crate::PATCH;

@@ -1,10 +1,10 @@
 //! Pictures to tokens: patch embedding, class token, position rows (`spec/da3.md` 4.1, 4.2).
 
-use omnix_graph::build::Piece;
-use omnix_graph::op::{Corners, Filter, Ratio};
+use omnix_graph::ops::Piece;
+use omnix_graph::ops::{Corners, Filter, Ratio};
 use omnix_graph::{Graph, GraphError, Value};
 
-use super::{BackboneSpec, root};
+use super::spec::{BackboneSpec, root};
 use crate::PATCH;
 use crate::config::BackboneConfig;
 use crate::layers::precise_linear;

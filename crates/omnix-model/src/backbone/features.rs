@@ -1,10 +1,10 @@
 //! What leaves the encoder: features, camera tokens, exported layers (`spec/da3.md` 4.7).
 
-use omnix_graph::build::Piece;
+use omnix_graph::ops::Piece;
 use omnix_graph::{Graph, GraphError, Value};
 
 use super::reference::Order;
-use super::{BackboneSpec, root};
+use super::spec::{BackboneSpec, root};
 use crate::layers::layer_norm;
 
 /// Eps of the final norm, which all taken layers share.

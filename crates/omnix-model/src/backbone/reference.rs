@@ -3,11 +3,10 @@
 //! Three or more views without given cameras are put in the order `[ref, 0, 1, .., ref-1, ref+1, ..]` just before block
 //! `alternate_from - 1`; features and camera tokens return to the original order.
 
-use omnix_graph::build::Piece;
+use omnix_graph::ops::Piece;
 use omnix_graph::{Graph, GraphError, Value};
 
-use super::spec::strategy;
-use super::{BackboneSpec, Reference, ReferenceChoice};
+use super::spec::{BackboneSpec, Reference, ReferenceChoice, strategy};
 use crate::config::{Family, NetworkConfig};
 
 /// Views from this number on have a reference to choose.

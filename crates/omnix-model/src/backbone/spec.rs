@@ -1,7 +1,13 @@
 //! What the backbone is asked for, and what it gives.
 
 use omnix_graph::Value;
-use omnix_graph::op::Strategy;
+use omnix_graph::ops::Strategy;
+use omnix_weights::Scope;
+
+/// Where the encoder's tensors are.
+pub(super) fn root() -> Scope {
+    Scope::root().pp("backbone.pretrained")
+}
 
 /// How the reference view is found among three or more views without given cameras (`spec/da3.md` section 5).
 /// OmniX's is always the first.

@@ -1,10 +1,10 @@
 //! What is put into the tokens between blocks: camera tokens (`spec/da3.md` 4.6) and time codes (`spec/omnix.md` 3.6).
 
 use omnix_geometry::codes::time_codes;
-use omnix_graph::build::Piece;
+use omnix_graph::ops::Piece;
 use omnix_graph::{Graph, GraphError, Value};
 
-use super::{BackboneSpec, root};
+use super::spec::{BackboneSpec, root};
 use crate::config::TimeConfig;
 use crate::layers::linear;
 

@@ -1,18 +1,12 @@
 //! Whether the numbers of a configuration go together, before anything is recorded.
 
+use super::need::{WIDEST, heads_fit};
 use super::{BackboneConfig, CameraEncoderConfig, Family, HeadConfig, NetworkConfig};
 use crate::ModelError;
+use omnix_graph::ops::WIDEST_HEAD;
 
-/// No published width comes near; larger ones are slips of the pen.
-pub(super) const WIDEST: usize = 1 << 16;
-/// Likewise for the number of blocks.
+/// No published number of blocks comes near; larger ones are slips of the pen.
 const DEEPEST: usize = 1 << 10;
-/// Channels of a head are padded to vectors of 8, and kept in registers.
-pub(super) const HEAD_STEP: usize = 8;
-pub(super) const HEAD_WIDEST: usize = 128;
-
-/// Complains unless the first holds: field, its value, what is allowed.
-pub(super) type Need<'a> = &'a dyn Fn(bool, &'static str, &dyn std::fmt::Debug, String) -> Result<(), ModelError>;
 
 /// Field names of our own format and of the published one.
 const LABELS: [(&str, &str); 10] = [
@@ -48,11 +42,9 @@ impl NetworkConfig {
             self.backbone;
         need((1..=WIDEST).contains(&width), "backbone.embed_dim", &width, format!("it can be 1 to {WIDEST}"))?;
         need((1..=DEEPEST).contains(&blocks), "backbone.depth", &blocks, format!("it can be 1 to {DEEPEST}"))?;
-        let whole_heads = heads > 0 && width.is_multiple_of(heads);
-        let head_fits = whole_heads && (width / heads).is_multiple_of(HEAD_STEP) && width / heads <= HEAD_WIDEST;
-        need(head_fits, "backbone.heads", &heads, {
-            format!("the width {width} must split into heads of 8, 16, .. {HEAD_WIDEST} channels")
-        })?;
+        // Queries and keys turn in rows and in columns.
+        let turned = self.backbone.rope_from.is_some();
+        heads_fit(&need, "backbone.heads", width, heads, turned)?;
         let rising = out_layers.is_sorted_by(|a, b| a < b) && out_layers[3] < blocks;
         need(rising, "backbone.out_layers", &out_layers, format!("rising numbers of the {blocks} blocks are needed"))?;
         // Before it there is a block whose class tokens choose the reference, and one after the choice.
@@ -90,8 +82,9 @@ impl NetworkConfig {
             need(fits, "depth_head.logit_clamp", &clamp, "a number above 0, or null for none, is needed".to_owned())?;
         }
         if let Some(CameraEncoderConfig { heads, .. }) = self.camera_encoder {
-            need(width.is_multiple_of(heads), "backbone.embed_dim", &width, {
-                format!("the camera encoder needs a multiple of {heads}")
+            let fits = width.is_multiple_of(heads) && width / heads <= WIDEST_HEAD;
+            need(fits, "backbone.embed_dim", &width, {
+                format!("the camera encoder needs a multiple of {heads}, up to {}", heads * WIDEST_HEAD)
             })?;
         }
         if let Some(trajectory) = &self.trajectory {

@@ -197,8 +197,8 @@ fn encoder(net: &Fields<'_>) -> Result<(usize, usize, usize, FeedForward), Model
         return Err(net.bad("name", "it can be vits, vitb, vitl, vitg or custom"));
     }
     let width = net.whole("embed_dim")?;
-    if width > super::check::WIDEST {
-        return Err(net.bad("embed_dim", format!("it can be 1 to {}", super::check::WIDEST)));
+    if width > super::need::WIDEST {
+        return Err(net.bad("embed_dim", format!("it can be 1 to {}", super::need::WIDEST)));
     }
     let ffn = match net.one_of("ffn_layer", &["mlp", "swiglufused"])? {
         0 => FeedForward::Mlp { hidden: MLP_RATIO * width },

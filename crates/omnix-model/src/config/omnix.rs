@@ -63,8 +63,8 @@ fn backbone(part: &Fields<'_>) -> Result<BackboneConfig, ModelError> {
     }
     part.one_of("reference_view", &["first"])?;
     let (width, ratio) = (part.whole("embed_dim")?, part.whole("mlp_ratio")?);
-    let Some(hidden) = width.checked_mul(ratio).filter(|hidden| (1..=super::check::WIDEST).contains(hidden)) else {
-        return Err(part.bad("mlp_ratio", format!("times embed_dim it can be 1 to {}", super::check::WIDEST)));
+    let Some(hidden) = width.checked_mul(ratio).filter(|hidden| (1..=super::need::WIDEST).contains(hidden)) else {
+        return Err(part.bad("mlp_ratio", format!("times embed_dim it can be 1 to {}", super::need::WIDEST)));
     };
     let ffn = match part.one_of("ffn", &["mlp", "swiglu"])? {
         0 => FeedForward::Mlp { hidden },

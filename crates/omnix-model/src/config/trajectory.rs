@@ -15,7 +15,7 @@
 pub(super) mod check;
 pub(super) mod read;
 
-use omnix_graph::op::{Gate, Motion};
+use omnix_graph::ops::{Gate, Motion};
 
 /// Numbers of a rigid field: 6D rotation, translation.
 pub(crate) const RIGID: usize = 9;

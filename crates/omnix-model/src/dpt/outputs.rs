@@ -1,6 +1,6 @@
 //! The two ends of the head (`spec/da3.md` section 6, steps 4 and 5; clamps: `spec/omnix.md` 4.1).
 
-use omnix_graph::op::Unary;
+use omnix_graph::ops::Unary;
 use omnix_graph::{Graph, GraphError, Value};
 
 use super::{Head, uv};

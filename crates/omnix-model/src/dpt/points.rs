@@ -3,7 +3,7 @@
 //! Along rays: the network's ray maps, resized with pixel areas on pixel areas. By the camera: rays of the four corner
 //! pixels, which the host computes; direction is linear in the pixel, so bilinear interpolation between them is exact.
 
-use omnix_graph::op::{Binary, Corners, Filter};
+use omnix_graph::ops::{Binary, Corners, Filter};
 use omnix_graph::{Graph, GraphError, Value};
 use omnix_weights::Scope;
 

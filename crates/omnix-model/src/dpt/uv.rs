@@ -4,7 +4,7 @@
 //! it: at full picture size the whole code of a large network would take 70 MB.
 
 use omnix_geometry::codes::{Layout, uv_code};
-use omnix_graph::op::{Corners, Filter};
+use omnix_graph::ops::{Corners, Filter};
 use omnix_graph::{Graph, GraphError, Value};
 
 /// The map x at this height and width, which may be its own, plus the code of its channels, gain included, for a picture of this height

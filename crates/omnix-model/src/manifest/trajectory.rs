@@ -2,7 +2,7 @@
 
 use omnix_weights::Scope;
 
-use super::{List, main_branch};
+use super::list::{List, main_branch};
 use crate::PATCH;
 use crate::config::{SamplingConfig, TimeGain, TokenFeatures, TrajectoryConfig};
 

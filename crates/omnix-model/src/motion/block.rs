@@ -6,15 +6,15 @@
 //! Queries turn with their token's place on the grid, which is known on the device alone: the rows of the table are
 //! gathered as the tokens were.
 
-use omnix_graph::build::{HeadNorm, Heads};
+use omnix_graph::ops::{HeadNorm, Heads};
 use omnix_graph::{Graph, GraphError, Value};
 use omnix_weights::Scope;
 
+use super::spec::{MotionSpec, root};
 use super::tokens::Chosen;
-use super::{MotionSpec, root};
-use crate::backbone::rope_table;
 use crate::config::TrajectoryConfig;
 use crate::layers::{branch, gelu, layer_norm, linear, linear_rows};
+use crate::rope;
 
 /// Eps of the norm over a head's channels.
 const HEAD_EPS: f32 = 1e-5;
@@ -43,7 +43,7 @@ impl Memory {
             Some(base) => {
                 let (rows, columns) = (spec.grid.0 as u32, spec.grid.1 as u32);
                 let places: Vec<(u32, u32)> = (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))).collect();
-                let cells = rope_table(g, "rope.grid", &places, config.head_dim(), base);
+                let cells = rope::table(g, "rope.grid", &places, config.head_dim(), base);
                 let places = g.reshape(chosen.places, [count])?;
                 Some((cells, g.gather(cells, places)?))
             }

@@ -1,9 +1,9 @@
 //! From the stream to the field (`spec/omnix.md` section 7): a few numbers a token, time and level, put back on the grid.
 
-use omnix_graph::build::Piece;
+use omnix_graph::ops::Piece;
 use omnix_graph::{Graph, GraphError, Value};
 
-use super::{MotionSpec, root};
+use super::spec::{MotionSpec, root};
 use crate::config::{FieldKind, RIGID, TrajectoryConfig};
 use crate::layers::{linear, relu};
 

@@ -1,12 +1,12 @@
 //! Tokens, their score, the choice, and the expansion over target times (`spec/omnix.md` section 5; AdaLN: section 9).
 
 use omnix_geometry::codes::time_codes;
-use omnix_graph::build::Expand;
-use omnix_graph::op::Unary;
+use omnix_graph::ops::Expand;
+use omnix_graph::ops::Unary;
 use omnix_graph::{Graph, GraphError, Value};
 use omnix_weights::Scope;
 
-use super::{MotionSpec, root};
+use super::spec::{MotionSpec, root};
 use crate::config::{TimeGain, TokenFeatures, TrajectoryConfig};
 use crate::layers::{linear, linear_columns, linear_rows, pointwise_conv, relu};
 

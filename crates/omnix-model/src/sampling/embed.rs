@@ -6,11 +6,11 @@
 //! Nothing is put side by side that a layer can read apart: what U and D add to G is the same for the four features and is
 //! computed once, half of the work of merging.
 
-use omnix_graph::build::Piece;
-use omnix_graph::op::{Binary, ReduceOp};
+use omnix_graph::ops::Piece;
+use omnix_graph::ops::{Binary, ReduceOp};
 use omnix_graph::{Graph, GraphError, Value};
 
-use super::root;
+use super::spec::root;
 use crate::config::{FieldKind, RIGID, TrajectoryConfig};
 use crate::layers::{linear, linear_columns};
 

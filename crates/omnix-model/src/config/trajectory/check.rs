@@ -1,6 +1,6 @@
 //! Whether the numbers of the trajectory module go together, and with the encoder's.
 
-use super::super::check::{HEAD_STEP, HEAD_WIDEST, Need, WIDEST};
+use super::super::need::{Need, WIDEST, heads_fit};
 use super::{MotionGate, SamplingConfig, TrajectoryConfig};
 use crate::ModelError;
 
@@ -14,11 +14,7 @@ pub(in crate::config) fn check(config: &TrajectoryConfig, wide: usize, need: Nee
     let allowed = |text: &str| text.to_owned();
     need((1..=WIDEST).contains(&width), "trajectory.width", &width, format!("it can be 1 to {WIDEST}"))?;
     need((1..=DEEPEST).contains(&blocks), "trajectory.blocks", &blocks, format!("it can be 1 to {DEEPEST}"))?;
-    let whole_heads = heads > 0 && width.is_multiple_of(heads);
-    let head_fits = whole_heads && (width / heads).is_multiple_of(HEAD_STEP) && width / heads <= HEAD_WIDEST;
-    need(head_fits, "trajectory.heads", &heads, {
-        format!("the width {width} must split into heads of 8, 16, .. {HEAD_WIDEST} channels")
-    })?;
+    heads_fit(need, "trajectory.heads", width, heads, config.rope_base.is_some())?;
     let hidden = width.checked_mul(mlp_ratio).is_some_and(|hidden| (1..=WIDEST).contains(&hidden));
     need(hidden, "trajectory.mlp_ratio", &mlp_ratio, format!("times width it can be 1 to {WIDEST}"))?;
     for (label, base) in [("trajectory.rope_base", config.rope_base), ("trajectory.time_base", Some(config.time_base))]

@@ -3,18 +3,18 @@
 use omnix_geometry::codes::{RopeTables, global_positions, local_positions, rope_tables};
 use omnix_graph::{Graph, Value};
 
-use super::Span;
+use crate::block::Span;
 use crate::config::BackboneConfig;
 
 /// The two tables, `[T, head width]` each.
 #[derive(Clone, Copy)]
-pub(super) struct Rope {
+pub(crate) struct Rope {
     local: Value,
     global: Value,
 }
 
 impl Rope {
-    pub(super) fn of(self, span: Span) -> Value {
+    pub(crate) fn of(self, span: Span) -> Value {
         match span {
             Span::Groups(_) => self.local,
             Span::All => self.global,
@@ -23,7 +23,7 @@ impl Rope {
 }
 
 /// The tables of a grid, if the network turns its queries at all.
-pub(super) fn tables(g: &mut Graph, config: &BackboneConfig, grid: (usize, usize)) -> Option<Rope> {
+pub(crate) fn tables(g: &mut Graph, config: &BackboneConfig, grid: (usize, usize)) -> Option<Rope> {
     config.rope_from?;
     let (rows, columns) = (grid.0 as u32, grid.1 as u32);
     let (width, base) = (config.head_dim(), config.rope_base);

@@ -7,8 +7,8 @@
 //! matrix: then nothing wider than a token stays in memory, and queries, attention and the feed-forward layer run as one
 //! chain of row chunks. The norm repeated costs one pass; the product's sums are the same.
 
-use omnix_graph::build::{HeadNorm, Heads, Piece};
-use omnix_graph::op::Unary;
+use omnix_graph::ops::Unary;
+use omnix_graph::ops::{HeadNorm, Heads, Piece};
 use omnix_graph::{Graph, GraphError, Value};
 use omnix_weights::Scope;
 
@@ -17,7 +17,7 @@ use crate::layers::{gelu, layer_norm, linear, linear_rows, scaled_residual};
 
 /// Eps of the norm over a head's channels.
 const HEAD_EPS: f32 = 1e-5;
-/// Kernels take heads of multiples of so many channels.
+/// Narrow heads are padded to a multiple of this.
 const HEAD_STEP: usize = 8;
 
 /// Which tokens see each other.
@@ -48,7 +48,9 @@ impl Block {
     pub(crate) fn record(&self, g: &mut Graph, x: Value) -> Result<Value, GraphError> {
         let head_dim = g.shape(x).width() / self.heads;
         let mixed = match self.span {
-            _ if !head_dim.is_multiple_of(HEAD_STEP) => self.narrow(g, x, head_dim)?,
+            _ if !head_dim.is_multiple_of(HEAD_STEP) && !self.qk_norm && self.rope.is_none() => {
+                self.narrow(g, x, head_dim)?
+            }
             Span::Groups(groups) => self.grouped(g, x, groups, head_dim)?,
             Span::All => self.all(g, x, head_dim)?,
         };
@@ -93,8 +95,8 @@ impl Block {
         g.attention(q, k, v)
     }
 
-    /// One group with heads of a width that kernels do not take (4 in a reduced camera encoder): channels are padded with
-    /// zeros, which change no product, and the scale is corrected. Neither norm nor RoPE.
+    /// Heads of any width, odd ones too (the camera encoder has 16 heads whatever the width), in one group: channels are padded
+    /// with zeros, which change no product, and the scale is corrected. Neither norm nor RoPE.
     fn narrow(&self, g: &mut Graph, x: Value, head_dim: usize) -> Result<Value, GraphError> {
         let (rows, heads, wide) = (g.shape(x).rows(), self.heads, head_dim.next_multiple_of(HEAD_STEP));
         let c = heads * head_dim;
