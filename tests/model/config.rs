@@ -141,7 +141,7 @@ fn bad_fields_are_named_with_value_and_cure() {
         ("mixed", "/backbone/widht", Some(json!(1)), "`backbone.widht` is 1: no such field"),
         ("mixed", "/backbone/patch", Some(json!(16)), "`backbone.patch` is 16: it can be 14"),
         ("mixed", "/backbone/heads", Some(json!(0)), "`backbone.heads` is 0"),
-        ("mixed", "/backbone/heads", Some(json!(12)), "must split into heads of 4, 8, .. 128 channels"),
+        ("mixed", "/backbone/heads", Some(json!(24)), "must split into heads of 4, 8, .. 128 channels"),
         ("mixed", "/backbone/mlp_ratio", Some(json!(u64::MAX)), "`backbone.mlp_ratio`"),
         ("mixed", "/backbone/concat_local", Some(json!(false)), "`backbone.concat_local` is false: it can be true"),
         ("mixed", "/backbone/reference_view", Some(json!("middle")), "it can be first"),
