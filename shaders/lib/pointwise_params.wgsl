@@ -3,7 +3,7 @@
 //   y[i] = op(a[i], b[(i / b_div) % b_len]), a and y [n]; unary operations have no b.
 //
 // The operation is a number, so that all of them share one pipeline (on software devices all but the costly ones); s and t are constants of some. b is either taken as
-// a is (b4: same shape as a, or a row over rows of a) or one number for several of a (b1: one number a row of a, or one at all).
+// a is (b4: same shape as a, or a row over rows of a) or one number for several of a (b1: one number per row of a, or one at all).
 #import activation
 
 struct Params {

@@ -98,7 +98,7 @@ fn main(
             }
             workgroupBarrier();
         }
-        // The same tile of each quadrant of this pass goes through workgroup memory, four columns an invocation at a time.
+        // The same tile of each quadrant of this pass goes through workgroup memory, four columns per invocation at a time.
         let done = min(4u - turn, subgroups);
 #for i in 0..${32/T}
 #for j in 0..${32/T}

@@ -13,9 +13,9 @@
 // HALF halves those bytes and costs 12 conversions, which are free or cheap on Apple, AMD and Arm, and a third of the time on
 // Nvidia; that family has cooperative matrices (tile_cooperative), which come first.
 // Occupancy: 32 sums, 12 operands, about 20 of indices: 64 registers, 1024 invocations a 64 K-register unit; 8 KiB of
-// workgroup memory (4 with HALF) leave room for the same 8 workgroups in 64 KiB. With so many, another workgroup computes while
+// workgroup memory (4 with HALF) leave room for the same 8 workgroups in 64 KiB. With 8, another workgroup computes while
 // one waits for memory; double buffering would take registers or memory from that and was left out. Subgroup
-// operations too: a shuffle moves 4 bytes a lane an instruction, a vec4 from workgroup memory 16, through the same
+// operations too: a shuffle moves 4 bytes per lane and instruction, a vec4 from workgroup memory 16, through the same
 // crossbar.
 
 #if HALF

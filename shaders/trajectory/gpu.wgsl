@@ -5,13 +5,13 @@
 //
 // Roofline, a pixel and time with the release's 4 levels of 9 points: 36 points * 4 cells * 9 channels = 2592 operations for
 // 36 bytes of result in memory; the field (26 KB a level and time on a 36 x 20 grid) comes from L1, 14 neighbouring
-// pixels a row from the same cell. So load instructions bound, 3 a cell instead of 9, and positions, about 40 operations a
+// pixels a row from the same cell. So load instructions bound, 3 per cell instead of 9, and positions, about 40 operations a
 // point, are shared by $TW times: 432 loads and 4000 operations a time instead of 1368 and 5000. About ${TW*12+32}
 // registers: 768 invocations a 64 K-register unit.
 // Workgroup memory would hold a level and time only as f16 (26 KB are more than WebGPU's 16 KiB), read by the same
 // unit that is L1; f16 would round offsets of points to 5e-4 of themselves to save a third of the loads (8 numbers in
 // 16 bytes, of 9): motion is what this kernel is for, so neither is offered. Subgroup shuffles: neighbours share cells, but
-// which cells is known only at run time. Products of matrices: weights are sparse, 4 cells of 720 a point.
+// which cells is known only at run time. Products of matrices: weights are sparse, 4 cells of 720 per point.
 #import deform_params
 #import motion
 #import grid

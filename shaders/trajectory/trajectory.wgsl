@@ -6,7 +6,7 @@
 // field and mask as in deform_sample; x [n, 3], y [nt, n, 3], theta [n].
 //
 // Two steps, with the same sums in the same order as the two kernels. OWN: theta, the point at its own time and its
-// place, one pixel an invocation, into anchor [n, 12]; then one pixel and time an invocation. Eight storage buffers is
+// place, one pixel per invocation, into anchor [n, 12]; then one pixel and time per invocation. Eight storage buffers is
 // what WebGPU promises, which is why the second step finds everything about the pixel in anchor.
 #import deform_params
 #import motion

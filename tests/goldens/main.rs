@@ -1,4 +1,4 @@
-//! The networks against recorded cases of the reference implementations: one line a case folder, its worst relative
+//! The networks against recorded cases of the reference implementations: one line per case folder, its worst relative
 //! error, pass or fail. The program exits with 1 if any folder fails.
 //!
 //! Folders: the small copies in `tests/data/goldens`, everything in `../shared/golden` when it is there, and every

@@ -103,7 +103,7 @@ fn cameras_go_where_the_images_were_taken() {
             assert!((found - expected[axis]).abs() < 1e-5, "image {image}: {found} {}", expected[axis]);
         }
     }
-    // A turn by 0.1 a image about y in OpenCV axes is one by half that, negated twice over, in quaternions.
+    // A turn by 0.1 per image about y in OpenCV axes is one by half that, negated twice over, in quaternions.
     let (_, turns) = glb.channel("camera of video 0", "rotation");
     let length: f32 = turns[8..12].iter().map(|v| v * v).sum();
     assert!((length - 1.0).abs() < 1e-6 && (turns[9].abs() - 0.15f32.sin()).abs() < 1e-6, "{turns:?}");

@@ -103,7 +103,7 @@ impl Page {
         page
     }
 
-    /// Sends a command and returns its result; what else arrives meanwhile is looked through for the console's messages.
+    /// Sends a command and returns its result; messages of the console among what else arrives are kept.
     fn call(&mut self, method: &str, params: Value) -> Value {
         self.last += 1;
         let mut message = json!({ "id": self.last, "method": method, "params": params });

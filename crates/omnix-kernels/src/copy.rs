@@ -1,5 +1,5 @@
 //! `y[dst.offset + Σ_d i_d · dst.strides[d]] = x[src.offset + Σ_d i_d · src.strides[d]]` for all `i` in a shape of up
-//! to six dimensions of 32-bit elements: permutation, slice, concatenation (one copy a part), broadcast
+//! to six dimensions of 32-bit elements: permutation, slice, concatenation (one copy per part), broadcast
 //! (stride 0), the rearrangement of transposed convolutions, patches of an image.
 //!
 //! Elements of y that are not addressed keep their value. Two indices may not address one element of y.

@@ -14,10 +14,10 @@ use crate::dispatch::round_up;
 /// How weights are stored on the device; sums are f32 either way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum WeightType {
-    /// 4 bytes a weight.
+    /// 4 bytes per weight.
     #[default]
     F32,
-    /// 2 bytes a weight, unpacked in the shader: needs no f16 feature.
+    /// 2 bytes per weight, unpacked in the shader: needs no f16 feature.
     F16,
     /// 1 byte a weight and a scale an output column, for linear layers; what else is stored as half precision stays [`Self::F16`].
     I8,

@@ -2,7 +2,7 @@
 //! each costly one that is used.
 //!
 //! The four usual forms of b over a as `[m, c]`: the same shape ([`Operand::same`]), a row `[c]`
-//! ([`Operand::row`]), one number a row `[m]` ([`Operand::column`]), one number ([`Operand::single`]).
+//! ([`Operand::row`]), one number per row `[m]` ([`Operand::column`]), one number ([`Operand::single`]).
 
 use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, pointwise as shaders};

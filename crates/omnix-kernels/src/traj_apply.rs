@@ -1,5 +1,5 @@
 //! `y[t, i] = gate(theta[i], x[i], R'(t) x[i] + b'(t))`: the points of one source image at all target times, from the nine
-//! numbers a pixel and time that [`crate::deform_sample`] makes (OmniX spec, section 8.3). The first six become a rotation
+//! numbers per pixel and time that [`crate::deform_sample`] makes (OmniX spec, section 8.3). The first six become a rotation
 //! by Gram-Schmidt with a floor under the norms (below it, not a rotation: computed as written), the last three shift;
 //! both relative to the image's own time, or not.
 

@@ -15,7 +15,7 @@ use crate::progress::quiet;
 use crate::request::PATCH;
 
 /// Weights that depend on the names of the tensors alone. Matrices keep the scale of what passes through them, norms are
-/// near one, biases near nought, so that all numbers stay finite.
+/// near one, biases near zero, so that all numbers stay finite.
 #[derive(Clone, Debug)]
 pub struct RandomWeights {
     shapes: BTreeMap<String, Vec<usize>>,
@@ -82,7 +82,7 @@ pub struct NetworkTime {
     pub head: Seconds,
 }
 
-/// The least of some runs.
+/// The shortest of several runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seconds {
     /// By the wall.

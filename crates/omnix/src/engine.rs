@@ -28,7 +28,7 @@ pub struct DeviceInfo {
 
 impl Engine {
     /// Runs on the host's device and queue. Ask for the features of [`Engine::wanted_features`] and the adapter's
-    /// limits when opening the device; less works, slower or on smaller images.
+    /// limits when opening the device; with less it works too, slower or on smaller images.
     #[must_use]
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         Self { gpu: Gpu::new(device, queue) }
@@ -37,7 +37,7 @@ impl Engine {
     /// Opens a device of its own: by index or part of its name, or the best there is.
     ///
     /// # Errors
-    /// When there is none, or it is too small.
+    /// When there is no adapter, or its limits are too small.
     pub fn open(wanted: Option<&str>) -> Result<Self, OmnixError> {
         let adapter = adapter::choose(wanted)?;
         let (device, queue) = adapter::open(&adapter)?;

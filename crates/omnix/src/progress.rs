@@ -1,11 +1,11 @@
-//! How long work reports and how it is broken off.
+//! Progress reports of long work, and how to stop it.
 
 use std::ops::ControlFlow;
 
 /// What is being done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Reading, packing and uploading weights that stay while their stage runs; looking through those that do not.
+    /// Reading, packing and uploading weights that stay while their stage runs; validating those that do not.
     Weights,
     /// The network over all images.
     Backbone,
@@ -28,7 +28,7 @@ pub struct Progress {
     pub total: u64,
 }
 
-/// A listener that hears nothing and never breaks off.
+/// A listener that ignores every report and never stops the run.
 pub fn quiet() -> impl FnMut(Progress) -> ControlFlow<()> {
     |_| ControlFlow::Continue(())
 }

@@ -6,7 +6,7 @@
 //! * `confidence` `f32 [N]`: of the path, at least 1; `theta` `f32 [N]`: motion score; `moving` `bool [N]`: whether it moves at all
 //! * `source` `i32 [1]`: the image; `time`, `video`, `frame` `i32 [T]`; `seconds` `f64 [T]`, NaN where unknown
 //!
-//! CSV (RFC 4180, a header line): `image,x,y,time,video,frame,seconds,px,py,pz,theta,confidence,moving`, a line a point and
+//! CSV (RFC 4180, a header line): `image,x,y,time,video,frame,seconds,px,py,pz,theta,confidence,moving`, one line per point and
 //! time, points in their order. Numbers are the shortest that give back the f32.
 
 use std::io::Write;

@@ -103,7 +103,7 @@ impl<'a> Fields<'a> {
         if self.get(name).is_some() { self.wholes(name) } else { Ok(Vec::new()) }
     }
 
-    /// So many numbers.
+    /// A list of this number of numbers.
     pub(crate) fn numbers<const N: usize>(&self, name: &str) -> Result<[f32; N], ModelError> {
         self.read(name, &format!("{N} numbers are needed"), |v| {
             let items = v.as_array()?.iter().map(|n| Some(n.as_f64()? as f32)).collect::<Option<Vec<_>>>()?;
