@@ -13,7 +13,7 @@
 //! ```
 //!
 //! Loops exist because software devices need register tiles: WGSL arrays with a loop index live in
-//! memory there, named variables live in registers (see ARCHITECTURE.md, "Variants").
+//! memory there, named variables live in registers (see ARCHITECTURE.md, "A kernel").
 
 use std::collections::{BTreeMap, BTreeSet};
 

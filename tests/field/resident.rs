@@ -2,7 +2,7 @@
 //! long as the host holds it.
 
 use omnix::{Engine, Field, Pixels, Query, Request, Weights};
-use omnix_kernels::{BufferSlice, run};
+use omnix_kernels::{BufferSlice, readback};
 
 use crate::made::{HEIGHT, WIDTH, bits, engine, request, session};
 
@@ -14,7 +14,7 @@ fn engines() -> [Engine; 2] {
 }
 
 fn read(engine: &Engine, slice: &BufferSlice) -> Vec<u32> {
-    run::read(engine.gpu(), slice).unwrap()
+    readback::read(engine.gpu(), slice).unwrap()
 }
 
 fn query(image: usize) -> Query {

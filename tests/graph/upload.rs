@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use omnix_graph::{Graph, GraphError, ParameterSource, Plan, PlanOptions, WeightStore};
-use omnix_kernels::run::read;
+use omnix_kernels::readback::read;
 use omnix_kernels::{Gpu, KernelError, WeightType, adapter};
 use omnix_tests::gpu;
 

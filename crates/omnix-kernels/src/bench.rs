@@ -4,10 +4,13 @@
 //! submission does not count; inputs are warm after the first run. Times are in seconds.
 
 mod ceilings;
+mod clock;
 
 use std::time::{Duration, Instant};
 
 pub use ceilings::Ceilings;
+pub use clock::Clock;
+use clock::{cpu_seconds, processors};
 
 use crate::{BufferSlice, Dispatch, Gpu, KernelError, Program};
 
@@ -72,48 +75,10 @@ pub fn time(gpu: &Gpu, dispatches: &[Dispatch], args: &[BufferSlice], effort: Ef
     Ok(Timing { wall, cpu, first, repeats })
 }
 
-/// Time since it was started: by the wall, and by the processors as [`Timing::cpu`] has it.
-#[derive(Clone, Copy, Debug)]
-pub struct Clock {
-    start: Instant,
-    cpu: Option<f64>,
-}
-
-impl Clock {
-    /// Starts now.
-    #[must_use]
-    pub fn start() -> Self {
-        Self { start: Instant::now(), cpu: cpu_seconds() }
-    }
-
-    /// Seconds by the wall, and of all threads of this process over the number of processors (Linux only).
-    #[must_use]
-    pub fn seconds(&self) -> (f64, Option<f64>) {
-        let cpu = self.cpu.zip(cpu_seconds()).map(|(before, after)| (after - before) / processors() as f64);
-        (self.start.elapsed().as_secs_f64(), cpu)
-    }
-}
-
 /// The middle one, or the lower of the two in the middle.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[(values.len() - 1) / 2]
-}
-
-/// Processors this process may use.
-fn processors() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
-}
-
-/// Processor time of all threads of this process so far; `None` where the system has no /proc.
-fn cpu_seconds() -> Option<f64> {
-    let mut nanoseconds = 0u64;
-    for task in std::fs::read_dir("/proc/self/task").ok()? {
-        // A thread may end meanwhile.
-        let Ok(text) = std::fs::read_to_string(task.ok()?.path().join("schedstat")) else { continue };
-        nanoseconds += text.split_whitespace().next()?.parse::<u64>().ok()?;
-    }
-    Some(nanoseconds as f64 * 1e-9)
 }
 
 #[cfg(test)]

@@ -3,27 +3,22 @@
 //! A kernel has one name and five places: `shaders/<k>/`, `src/<k>.rs` here, its CPU oracle
 //! `src/cpu/<k>.rs`, `tests/kernels/<k>.rs` and `benches/kernels/<k>.rs`; `cargo xtask tidy` fails when
 //! one is missing. A kernel's `record` is a pure function from a specification and the [`Caps`] of a
-//! device to a list of [`Dispatch`]es over numbered arguments; only [`gpu`], [`program`], [`compile`],
-//! [`run`] and [`host_memory`] touch a device.
+//! device to a list of [`Dispatch`]es over numbered arguments. Only what lies in the folder `device/`, re-exported
+//! here ([`adapter`], [`gpu`], [`program`], [`compile`], [`run`], [`readback`], [`host_memory`]), and [`bench`] touch a device.
 //!
 //! Tensors are f32, contiguous, channels last: tokens `[image, token, channel]`, maps `[image, row, column, channel]`.
 
-pub mod adapter;
 pub mod bench;
 pub mod caps;
-pub mod compile;
 pub mod cpu;
 pub mod dispatch;
 pub mod error;
-pub mod gpu;
-pub mod host_memory;
 pub mod layout;
 pub mod packed;
-pub mod program;
-pub mod run;
 
 mod activation;
 mod cover;
+mod device;
 
 pub mod attention;
 pub mod conv2d;
@@ -49,6 +44,7 @@ pub mod winograd;
 
 pub use activation::Activation;
 pub use caps::{Caps, Cooperative, Tier};
+pub use device::{adapter, compile, gpu, host_memory, program, readback, run, why_software};
 pub use dispatch::{Arg, Dispatch};
 pub use error::KernelError;
 pub use gpu::Gpu;

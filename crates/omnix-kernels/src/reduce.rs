@@ -19,7 +19,7 @@ pub const Y: Arg = Arg(1);
 pub enum ReduceOp {
     /// The sum.
     Sum = 0,
-    /// The sum over n.
+    /// The sum divided by n.
     Mean = 1,
     /// The largest.
     Max = 2,

@@ -16,7 +16,7 @@ const MARKERS: [&str; 4] =
 /// Folders of one machine, which mean nothing on another.
 const MACHINE_PATHS: [&str; 2] = [concat!("/wo", "rk/"), concat!("/ro", "ot/")];
 
-/// Loops of WGSL whose end is not in their head. Shaders are made without wgpu's loop counters (`omnix-kernels`, `gpu.rs`).
+/// Loops of WGSL whose end is not in their head. Shaders are made without wgpu's loop counters (`omnix-kernels`, `device/gpu.rs`).
 const ENDLESS: [&str; 2] = ["loop", "while"];
 
 /// Length and first line of each Rust and WGSL file, loops of WGSL, and leftovers in all files.

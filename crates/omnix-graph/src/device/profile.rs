@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use omnix_kernels::run;
+use omnix_kernels::readback;
 
 use super::exec::Executable;
 use crate::error::GraphError;
@@ -63,7 +63,7 @@ pub fn profile(executable: &Executable) -> Result<Vec<Span>, GraphError> {
         }
         encoder.resolve_query_set(&set, 0..count, &resolved, 0);
         gpu.queue.submit([encoder.finish()]);
-        let ticks: Vec<u64> = run::read(gpu, &resolved.into())?;
+        let ticks: Vec<u64> = readback::read(gpu, &resolved.into())?;
         let graph = &executable.plan().graph;
         for (piece, pair) in pieces.iter().zip(ticks.chunks_exact(2)) {
             spans.push(Span {

@@ -1,7 +1,7 @@
 //! The values of a plan on a device: buffers of intermediates, inputs, outputs and constants.
 
 use omnix_kernels::dispatch::round_up;
-use omnix_kernels::{BufferSlice, Gpu, Program, run};
+use omnix_kernels::{BufferSlice, Gpu, Program, readback};
 use rustc_hash::FxHashMap;
 
 use super::store::WeightStore;
@@ -140,7 +140,7 @@ impl Tensors {
     /// # Errors
     /// When the name is wrong or the device is lost.
     pub fn read(&self, name: &str) -> Result<Vec<f32>, GraphError> {
-        Ok(run::read(&self.gpu, &self.slice(name)?)?)
+        Ok(readback::read(&self.gpu, &self.slice(name)?)?)
     }
 
     /// Reads an output of indices.
@@ -148,7 +148,7 @@ impl Tensors {
     /// # Errors
     /// When the name is wrong or the device is lost.
     pub fn read_indices(&self, name: &str) -> Result<Vec<u32>, GraphError> {
-        Ok(run::read(&self.gpu, &self.slice(name)?)?)
+        Ok(readback::read(&self.gpu, &self.slice(name)?)?)
     }
 }
 

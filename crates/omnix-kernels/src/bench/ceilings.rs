@@ -10,7 +10,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use super::processors;
+use super::clock::{processors, thread_seconds};
 
 /// Ceilings of the host's processors. They bound software devices; a GPU has its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,12 +75,6 @@ fn on_all<T>(threads: usize, prepare: &(dyn Fn() -> T + Sync), work: &(dyn Fn(T)
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(one)).collect();
         workers.into_iter().map(|w| w.join().unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
     })
-}
-
-/// Processor time of this thread so far, which the kernel brings up to date every few milliseconds.
-fn thread_seconds() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    Some(text.split_whitespace().next()?.parse::<u64>().ok()? as f64 * 1e-9)
 }
 
 #[derive(Clone, Copy)]

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use omnix_graph::ops::Motion;
 use omnix_graph::{Bindings, Executable, Graph, Plan, PlanOptions, WeightStore};
-use omnix_kernels::{BufferSlice, Caps, run};
+use omnix_kernels::{BufferSlice, Caps, readback};
 use omnix_model::TrajectorySpec;
 
 use super::shape::PARTS;
@@ -174,8 +174,8 @@ impl Field {
                     evaluation.list(&pixels[first_pixel..first_pixel + n], chunk.pixels)?;
                 }
                 let [positions, theta] = evaluation.run(query.image, first_time)?;
-                let positions = run::read::<f32>(self.gpu(), &positions)?;
-                let theta = run::read::<f32>(self.gpu(), &theta)?;
+                let positions = readback::read::<f32>(self.gpu(), &positions)?;
+                let theta = readback::read::<f32>(self.gpu(), &theta)?;
                 // A shorter last chunk runs at the same size: its tail is left aside.
                 let kept: Vec<f32> = if n == chunk.pixels {
                     positions[..3 * times * n].to_vec()

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 
 use omnix_io::IoError;
 use omnix_io::output::field::FieldReader;
-use omnix_kernels::{BufferSlice, Gpu, KernelError, run};
+use omnix_kernels::{BufferSlice, Gpu, KernelError, readback};
 
 use super::shape::{FieldShape, PARTS, Part};
 use crate::error::OmnixError;
@@ -95,7 +95,7 @@ impl Store {
                 Ok(())
             }
             Place::File { file, .. } => {
-                let numbers = run::read::<f32>(&self.gpu, &from)?;
+                let numbers = readback::read::<f32>(&self.gpu, &from)?;
                 let backing = file.get_mut().unwrap_or_else(PoisonError::into_inner);
                 backing.write(&self.shape, image, part, &numbers)
             }
@@ -151,7 +151,7 @@ impl Store {
         match &self.place {
             Place::Device(images) => {
                 let slice = images[image][part as usize].as_ref().ok_or_else(|| absent(part))?;
-                Ok(run::read(&self.gpu, slice)?)
+                Ok(readback::read(&self.gpu, slice)?)
             }
             Place::File { file, .. } => {
                 file.lock().unwrap_or_else(PoisonError::into_inner).read(&self.shape, image, part)

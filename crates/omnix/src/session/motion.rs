@@ -3,7 +3,7 @@
 use omnix_geometry::{Camera, corner_rays};
 use omnix_graph::Tensors;
 use omnix_graph::ops::Motion;
-use omnix_kernels::{BufferSlice, Gpu, run};
+use omnix_kernels::{BufferSlice, Gpu, readback};
 
 use super::stages::{Kept, inputs, part};
 use super::{Listener, Session};
@@ -165,7 +165,7 @@ impl Session {
                 for which in [Part::Offsets, Part::Weights] {
                     making.store.put(first + i, which, &part(&sampling, which.name(), i, step)?)?;
                 }
-                confidence.push(run::read::<f32>(gpu, &part(&sampling, "traj_conf", i, step)?)?);
+                confidence.push(readback::read::<f32>(gpu, &part(&sampling, "traj_conf", i, step)?)?);
             }
         }
         Ok(confidence)

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use omnix_geometry::Camera;
-use omnix_kernels::run::Readback;
+use omnix_kernels::readback::Readback;
 use omnix_kernels::{BufferSlice, Gpu};
 
 use super::{FrameGeometry, ResidentGeometry};

@@ -5,7 +5,7 @@
 use ash::{ext::external_memory_host, vk};
 use wgpu::hal::{api::Vulkan, vulkan};
 
-use super::{HostMemory, PAGE};
+use super::memory::{HostMemory, PAGE};
 use crate::dispatch::round_up;
 
 const HANDLE: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::HOST_ALLOCATION_EXT;

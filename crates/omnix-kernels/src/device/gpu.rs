@@ -1,14 +1,16 @@
 //! A borrowed device with the pipelines made on it so far.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use omnix_shaders::{Access, Shader};
 use rustc_hash::FxHashMap;
 
+use super::lost::Lost;
 use crate::caps::UNIFORM_WINDOW;
-use crate::{Caps, Cooperative, Dispatch, HostMemory, KernelError, host_memory};
+use crate::{Caps, Cooperative, Dispatch, HostMemory, KernelError, adapter, host_memory};
 
-/// A device, its queue, its facts, and a pipeline a shader. Cheap to clone; the host keeps its own handles.
+/// A device with its queue, its capabilities, and the pipelines made so far (one per shader). Cheap to clone; the host keeps its
+/// own handles.
 #[derive(Clone, Debug)]
 pub struct Gpu {
     /// The host's device.
@@ -27,7 +29,7 @@ struct Shared {
     pipelines: Mutex<FxHashMap<(&'static str, &'static str), Arc<Made>>>,
     /// Bound where an optional argument is absent.
     absent: wgpu::Buffer,
-    lost: Arc<OnceLock<String>>,
+    lost: Lost,
     /// Whether it imports the program's memory.
     imports: bool,
 }
@@ -49,15 +51,13 @@ const ABSENT_BYTES: u64 = 65_536;
 const IMPORTED_BYTES: u64 = 1 << 20;
 
 impl Gpu {
-    /// Borrows `device` and `queue`. Nothing global is set, but the device-lost callback is taken.
+    /// Borrows `device` and `queue`. Nothing global is set, but the device-lost callback is taken: wgpu has one per device. Several
+    /// `Gpu`s on one device share it, so that each learns of a loss. A host that sets a callback of its own after this calls
+    /// [`Gpu::report_lost`] from it.
     #[must_use]
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         let caps = Caps::of(device);
-        let lost = Arc::new(OnceLock::new());
-        let seen = Arc::clone(&lost);
-        device.set_device_lost_callback(move |reason, message| {
-            let _ = seen.set(format!("{reason:?}: {message}"));
-        });
+        let lost = Lost::watch(device);
         let absent = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("absent"),
             size: ABSENT_BYTES,
@@ -85,7 +85,7 @@ impl Gpu {
     /// adapter is not known or refuses.
     #[must_use]
     pub fn sibling(&self) -> Option<Self> {
-        let (device, queue) = crate::adapter::open(self.adapter.as_ref()?).ok()?;
+        let (device, queue) = adapter::open(self.adapter.as_ref()?).ok()?;
         // Opened without experimental features.
         let caps = self.caps.clone().with_cooperative(Cooperative::default());
         Some(Self::new(&device, &queue).with_caps(caps))
@@ -102,10 +102,15 @@ impl Gpu {
     /// # Errors
     /// [`KernelError::DeviceLost`].
     pub fn check_lost(&self) -> Result<(), KernelError> {
-        match self.shared.lost.get() {
-            Some(message) => Err(KernelError::DeviceLost { message: message.clone() }),
+        match self.shared.lost.message() {
+            Some(message) => Err(KernelError::DeviceLost { message: message.to_owned() }),
             None => Ok(()),
         }
+    }
+
+    /// Says that the device was lost, for hosts whose own device-lost callback has taken the place of this one's.
+    pub fn report_lost(&self, message: &str) {
+        self.shared.lost.set(message.to_owned());
     }
 
     /// Waits until everything submitted has run.
@@ -202,7 +207,7 @@ impl Gpu {
         let descriptor = wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
         let buffer = self.device.create_buffer(&descriptor);
         let error = pollster::block_on(scope.pop());
-        // A lost device gives a buffer that is none.
+        // A lost device returns an invalid buffer and no error.
         self.check_lost()?;
         error.map_or(Ok(buffer), |_| Err(KernelError::OutOfMemory { what: what.to_owned(), bytes }))
     }

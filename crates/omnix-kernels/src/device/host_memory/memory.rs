@@ -1,9 +1,4 @@
-//! Memory of the program as buffers of a software device.
-//!
-//! A software Vulkan device works in the program's own memory. What its driver allocates is a shared file of 4 KiB pages, each
-//! made and cleared at its first use, and wgpu writes zeros to what it maps before anyone else writes to it. Here a buffer is anonymous
-//! memory, in huge pages where the system has them, that the program fills through plain slices and the driver then imports
-//! (`VK_EXT_external_memory_host`). On Linux; elsewhere no device imports.
+//! Zeroed, page-aligned memory of the program, in huge pages where the system has them.
 
 use std::io;
 use std::num::NonZero;
@@ -14,15 +9,10 @@ use memmap2::{MmapMut, MmapOptions};
 
 use crate::dispatch::round_up;
 
-#[cfg(target_os = "linux")]
-mod vulkan;
-#[cfg(target_os = "linux")]
-pub(crate) use vulkan::{import, imports, open};
-
 /// Where buffers start: at a huge page.
 const HUGE_PAGE: u64 = 2 << 20;
 /// What a driver may take of it is a multiple of this.
-const PAGE: u64 = 4 << 10;
+pub(super) const PAGE: u64 = 4 << 10;
 
 /// Zeroed memory for one buffer, which [`crate::Gpu::import`] gives to a device.
 #[derive(Debug)]
@@ -41,7 +31,8 @@ impl HostMemory {
         let at = map.as_ptr().addr();
         let start = at.next_multiple_of(HUGE_PAGE as usize) - at;
         let bytes = bytes as usize;
-        // Whole ones only: the last would take memory that nobody planned. Where the system refuses it only takes longer.
+        // Only whole huge pages: rounding the tail up would use memory the plan did not count. Where the system refuses,
+        // everything works and takes longer.
         #[cfg(target_os = "linux")]
         {
             let whole = bytes - bytes % HUGE_PAGE as usize;
@@ -99,32 +90,6 @@ impl DerefMut for HostMemory {
         &mut self.map[self.start..self.start + self.bytes]
     }
 }
-
-#[cfg(not(target_os = "linux"))]
-mod none {
-    use super::HostMemory;
-
-    type Opened = Result<(wgpu::Device, wgpu::Queue), wgpu::RequestDeviceError>;
-
-    pub(crate) fn open(_: &wgpu::Adapter, _: &wgpu::DeviceDescriptor<'_>) -> Option<Opened> {
-        None
-    }
-
-    pub(crate) fn imports(_: &wgpu::Device) -> bool {
-        false
-    }
-
-    pub(crate) fn import(
-        _: &wgpu::Device,
-        _: &str,
-        memory: HostMemory,
-        _: wgpu::BufferUsages,
-    ) -> Result<wgpu::Buffer, HostMemory> {
-        Err(memory)
-    }
-}
-#[cfg(not(target_os = "linux"))]
-pub(crate) use none::{import, imports, open};
 
 #[cfg(test)]
 mod tests {

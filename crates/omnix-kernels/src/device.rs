@@ -1,0 +1,16 @@
+//! The part of this crate that touches a device: finding and opening one, its facts, buffers and pipelines, and running dispatches.
+//! Everything outside of this folder, except measuring (`bench`), is pure.
+
+pub mod adapter;
+pub mod compile;
+pub mod gpu;
+pub mod host_memory;
+pub mod program;
+pub mod readback;
+pub mod run;
+
+mod facts;
+mod lost;
+mod software;
+
+pub use software::why_software;
