@@ -47,6 +47,11 @@ fn devices_are_listed_with_what_they_lack() {
     let events = omnix(&["devices", "--json"]).ok().events();
     let devices = events[0]["devices"].as_array().unwrap();
     assert!(devices.iter().any(|d| d["usable"] == true && d["tier"].is_string()), "{devices:?}");
+    // Where the default is a software device, both forms say so and why.
+    let default = &devices[events[0]["default"].as_u64().unwrap() as usize];
+    let why = events[0]["software"].as_str();
+    assert_eq!(why.is_some(), default["kind"] == "Cpu", "{events:?}");
+    assert!(why.is_none_or(|why| listed.contains(&format!("a software device: {why}"))), "{listed}");
 }
 
 #[test]

@@ -27,8 +27,9 @@ pub struct DeviceInfo {
 }
 
 impl Engine {
-    /// Runs on the host's device and queue. Ask for the features of [`Engine::wanted_features`] and the adapter's
-    /// limits when opening the device; with less it works too, slower or on smaller images.
+    /// Runs on the host's device and queue, whose device-lost callback it takes; several engines on one device share it, and a
+    /// host with a callback of its own calls [`Gpu::report_lost`] from it. Ask for the features of [`Engine::wanted_features`] and
+    /// the adapter's limits when opening the device; with less it works too, slower or on smaller images.
     #[must_use]
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         Self { gpu: Gpu::new(device, queue) }
@@ -70,6 +71,13 @@ impl Engine {
     #[must_use]
     pub fn wanted_features() -> wgpu::Features {
         adapter::wanted_features()
+    }
+
+    /// Why this is a software device, in words for a person, such as "no GPU adapter was found"; `None` on a GPU. `wanted` is what
+    /// the user asked for by name or index.
+    #[must_use]
+    pub fn why_software(&self, wanted: Option<&str>) -> Option<String> {
+        omnix_kernels::why_software(&self.gpu.device.adapter_info(), wanted)
     }
 
     /// The facts that decide variants and chunks.

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use omnix::Caps;
-use omnix::kernels::{Cooperative, KernelError, adapter};
+use omnix::kernels::{Cooperative, KernelError, adapter, why_software};
 use omnix::wgpu::{Adapter, Features};
 use serde_json::{Value, json};
 
@@ -23,11 +23,15 @@ pub(crate) fn run(_args: &DevicesArgs, ui: &mut Ui) -> Result<(), CliError> {
     let adapters = adapter::enumerate();
     let facts: Vec<Value> = adapters.iter().enumerate().map(|(i, a)| describe(i, a)).collect();
     let chosen = facts.iter().position(|f| f["usable"] == true);
+    let software = chosen.and_then(|index| why_software(&adapters[index].get_info(), None));
     if ui.json() {
-        ui.event("devices", json!({ "devices": facts, "default": chosen }));
+        ui.event("devices", json!({ "devices": facts, "default": chosen, "software": software }));
     } else {
         for fact in &facts {
             ui::print(&text(fact, chosen))?;
+        }
+        if let Some(why) = &software {
+            ui::print(&format!("The default is a software device: {why}."))?;
         }
     }
     if facts.is_empty() {

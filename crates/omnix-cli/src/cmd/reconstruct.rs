@@ -74,7 +74,8 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     job.request.field = FieldPlace::AutoIn(args.out.out.clone());
     let plan = job.plan(&args.run, engine.caps(), cpu)?;
     job.check_work(&plan, &args.run, engine.caps().tier)?;
-    announce(&job, &plan, args, &info, engine.caps().tier, ui);
+    let software = engine.why_software(args.run.device.device.as_deref());
+    announce(&job, &plan, args, &info, engine.caps().tier, software.as_deref(), ui);
     let options = sink_options(&args.run);
     let sinks = open_sinks(&job.exports, &args.out.out, &options)?;
     disk::check(&args.out.out, disk::wanted(&job, &args.run, &plan))?;
@@ -113,12 +114,23 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
 }
 
 /// Tells what is about to happen.
-fn announce(job: &Job, plan: &RunPlan, args: &ReconstructArgs, info: &DeviceInfo, tier: Tier, ui: &mut Ui) {
+fn announce(
+    job: &Job,
+    plan: &RunPlan,
+    args: &ReconstructArgs,
+    info: &DeviceInfo,
+    tier: Tier,
+    software: Option<&str>,
+    ui: &mut Ui,
+) {
     ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, &args.run, tier, job.request.budget));
-    ui.event("device", serde_json::to_value(info).unwrap_or_default());
+    let mut device = serde_json::to_value(info).unwrap_or_default();
+    device["software"] = json!(software);
+    ui.event("device", device);
+    let software = software.map_or_else(String::new, |why| format!(", a software device: {why}"));
     let network = &job.weights.network().config().name;
     ui.say(&format!(
-        "{} image(s) of {}x{}, {network} with {} weights on {} ({}), {} of memory, {:.1} GFLOP",
+        "{} image(s) of {}x{}, {network} with {} weights on {} ({}{software}), {} of memory, {:.1} GFLOP",
         job.request.images,
         job.request.width,
         job.request.height,
