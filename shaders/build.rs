@@ -1,8 +1,10 @@
 //! Composes every variant of every kernel, validates it with naga under exactly the capabilities the
-//! variant declares, and writes the result as Rust: one module a kernel, one static a variant.
+//! variant declares, checks what naga does not (`check/`), and writes the result as Rust: one module a kernel, one static a variant.
 //!
 //! A folder `k/` with a `k.toml` is a kernel. All failures are collected and reported together.
 
+#[path = "check/mod.rs"]
+mod check;
 #[path = "compose/mod.rs"]
 mod compose;
 
@@ -54,7 +56,7 @@ fn main() {
             Err(error) => failures.push(error),
         }
     }
-    for fixed in ["lib", "compose", "build.rs"] {
+    for fixed in ["lib", "check", "compose", "build.rs"] {
         println!("cargo:rerun-if-changed={}", root.join(fixed).display());
     }
     // A new kernel folder changes the package folder itself.
@@ -104,9 +106,13 @@ fn build_variant(root: &Path, kernel: &str, variant: &Variant) -> Result<String,
     };
     let wgsl = compose::compose(&source, &variant.defines, &load).map_err(|e| format!("{file}: {e}"))?;
     let module = naga::front::wgsl::parse_str(&wgsl).map_err(|e| e.emit_to_string(&wgsl))?;
-    Validator::new(ValidationFlags::all(), capabilities(&variant.requires)?)
+    let info = Validator::new(ValidationFlags::all(), capabilities(&variant.requires)?)
         .validate(&module)
         .map_err(|e| e.emit_to_string(&wgsl))?;
+    let findings = check::check(&module, &info, &wgsl);
+    if !findings.is_empty() {
+        return Err(findings.join("\n"));
+    }
     emit(kernel, variant, &wgsl, &module)
 }
 

@@ -47,7 +47,10 @@ fn main(
     let start = p.i_rest + s * p.k;
     var low = 0u;
     var high = p.k;
-    for (var halving = 0u; halving < 32u && low < high; halving++) {
+    for (var halving = 0u; halving < 32u; halving++) {
+        if (low >= high) {
+            break;
+        }
         let middle = (low + high) / 2u;
         if (index[start + middle] < cell) {
             low = middle + 1u;

@@ -1,9 +1,12 @@
 //! The WGSL kernels of omnix as text that has already been validated.
 //!
-//! Every variant of every kernel is composed (`compose/`) and checked by naga when this crate is
+//! Every variant of every kernel is composed (`compose/`) and checked by naga, and by `check/`, when this crate is
 //! built, so no text that could fail to validate reaches a device. There is one module a kernel and
 //! one `static` a variant: a wrong name is a compile error. No wgpu here: any engine can take these.
 
+#[cfg(test)]
+#[path = "../check/mod.rs"]
+mod check;
 #[cfg(test)]
 #[path = "../compose/mod.rs"]
 mod compose;

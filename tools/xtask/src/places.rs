@@ -5,10 +5,10 @@ use std::collections::BTreeSet;
 use crate::{Finding, Tree};
 
 /// Folders below `shaders/` that are no kernels.
-const NO_KERNELS: [&str; 3] = ["compose", "lib", "src"];
+const NO_KERNELS: [&str; 4] = ["check", "compose", "lib", "src"];
 /// Files beside the kernels' own in the other places: module roots, what the tests or benches of several share, and the
-/// test of all kernels' memory layouts.
-const NO_KERNEL_FILES: [&str; 5] = ["common", "layout", "main", "mod", "support"];
+/// tests of the device and of all kernels' memory layouts and bounds.
+const NO_KERNEL_FILES: [&str; 7] = ["bounds", "common", "device", "layout", "main", "mod", "support"];
 
 /// Folders whose every file belongs to the kernel of its name.
 const OWNED: [&str; 3] = ["crates/omnix-kernels/src/cpu", "tests/kernels", "benches/kernels"];
