@@ -26,9 +26,10 @@ struct Params {
     // SCORE: 1 starts the sum, 0 adds. CHOOSE: 1 takes `forced` instead.
     start: u32,
     forced: u32,
+    // The views of this dispatch.
+    first: u32,
+    end: u32,
     pad0: u32,
-    pad1: u32,
-    pad2: u32,
 }
 
 @group(0) @binding(0) var<uniform> p: Params;
@@ -127,8 +128,8 @@ fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let i = lib_fold(group, groups) * 64u + local.x;
-    if (i >= p.s) {
+    let i = p.first + lib_fold(group, groups) * 64u + local.x;
+    if (i >= p.end) {
         return;
     }
     switch p.stage {

@@ -3,6 +3,8 @@
 
 use std::fmt;
 
+use crate::dispatch::MAX_OPERATIONS;
+
 /// Which family of kernel variants suits a device. A kernel that has no variant of a tier uses its
 /// baseline one, which runs everywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -169,10 +171,20 @@ impl Caps {
         self.subgroup.is_some_and(|[fewest, _]| fewest >= 4)
     }
 
+    /// Most bytes of a tensor that one dispatch sees: the device's limit, or what a slow GPU moves in a twentieth of a second.
+    pub(crate) fn window(&self) -> u64 {
+        self.max_binding.min(1 << 30)
+    }
+
+    /// Most operations of one dispatch: see [`MAX_OPERATIONS`].
+    pub(crate) fn max_operations(&self) -> u64 {
+        if self.tier == Tier::Software { u64::MAX } else { MAX_OPERATIONS }
+    }
+
     /// How many rows of `row_bytes` (the widest of the tensors that share the rows) one dispatch may see.
     /// A multiple of 64, so that every window of f32 rows starts on a 256-byte boundary.
     pub(crate) fn rows_per_window(&self, rows: u64, row_bytes: u64) -> u64 {
-        let fit = self.max_binding / row_bytes.max(1);
+        let fit = self.window() / row_bytes.max(1);
         if fit >= rows { rows.max(1) } else { (fit / 64 * 64).max(64) }
     }
 }

@@ -206,15 +206,17 @@ impl Conv2d {
         let x_row = u64::from(self.wi) * u64::from(self.ci);
         let y_row = wo * u64::from(self.weights.n);
         let (room, all) = (room(caps), u64::from(self.frames));
+        // Rows of the output that are short enough for one dispatch.
+        let short = (caps.max_operations() / self.operations(1, wo, self.weights.blocks())).max(1);
         let mut pieces = Vec::new();
-        let frames = room / (hi * x_row).max(ho * y_row);
+        let frames = (room / (hi * x_row).max(ho * y_row)).min(short / ho);
         if frames > 0 {
             let starts = (0..all).step_by(frames as usize);
             pieces.extend(starts.map(|frame| Piece { frame, frames: frames.min(all - frame), row: 0, rows: ho }));
             return Ok(pieces);
         }
         let x_rows = room / x_row;
-        let rows = (room / y_row).min(if x_rows < kh { 0 } else { (x_rows - kh) / stride + 1 });
+        let rows = (room / y_row).min(short).min(if x_rows < kh { 0 } else { (x_rows - kh) / stride + 1 });
         if rows == 0 {
             let bytes = 4 * y_row.max(x_row * kh);
             return Err(KernelError::RowTooLarge { kernel: "conv2d", bytes, limit: caps.max_binding });
@@ -307,7 +309,13 @@ impl Conv2d {
         let residual = same(RESIDUAL, self.residual);
         let residual2 = same(RESIDUAL2, self.residual2);
         let windows = [x, slice.window, BIAS.when(self.bias).into(), residual, residual2, y];
-        Dispatch::new(slice.shader, &params, &windows, groups)
+        let operations = self.operations(piece.frames * piece.rows, wo, slice.blocks);
+        Dispatch::new(slice.shader, &params, &windows, groups).of_operations(operations)
+    }
+
+    /// Operations of rows of the output, some blocks of 32 channels.
+    fn operations(&self, rows: u64, wo: u64, blocks: u32) -> u64 {
+        2 * rows * wo * u64::from(self.weights.k) * 32 * u64::from(blocks)
     }
 }
 

@@ -15,8 +15,7 @@ pub(crate) fn cover(arg: Arg, first: u64, len: u64, caps: &Caps) -> (Window, u32
 
 /// Words of any one piece of a tensor that a dispatch can surely see, wherever the piece starts.
 pub(crate) fn room(caps: &Caps) -> u64 {
-    // Shaders count words in 32 bits.
-    (caps.max_binding.saturating_sub(caps.align) / 4).min(1 << 31)
+    caps.window().saturating_sub(caps.align) / 4
 }
 
 /// The variant of a kernel that moves tensors, and the words of its elements: four at a time where everything is a

@@ -121,7 +121,11 @@ impl DeformSample {
     /// Multiply-adds of the blends, each counted as two operations; positions not counted.
     #[must_use]
     pub const fn flops(&self) -> u64 {
-        8 * self.n as u64 * self.taps() * (9 * self.times as u64 + 1)
+        self.operations(self.n as u64)
+    }
+
+    const fn operations(&self, pixels: u64) -> u64 {
+        8 * pixels * self.taps() * (9 * self.times as u64 + 1)
     }
 
     /// Checks the sizes, and that the whole field can be bound.
@@ -200,7 +204,8 @@ impl DeformSample {
             let (tau, y_rest) = cover(TAU, first * row, n * row, caps);
             params.y_rest = y_rest;
             let windows = [offsets, weights, pixels, FIELD.into(), MASK.into(), tau];
-            Dispatch::new(&shaders::BASELINE, &params, &windows, (n * (u64::from(self.times) + 1)).div_ceil(64))
+            let groups = (n * (u64::from(self.times) + 1)).div_ceil(64);
+            Dispatch::new(&shaders::BASELINE, &params, &windows, groups).of_operations(self.operations(n))
         };
         Ok((0..all).step_by(fit as usize).map(dispatch).collect())
     }

@@ -55,7 +55,15 @@ pub struct Dispatch {
     pub windows: SmallVec<[Window; 8]>,
     /// Workgroups in x, y, z; 0 only to have the driver compile ([`crate::compile`]).
     pub groups: [u32; 3],
+    /// About how many operations it takes, a multiply-add counted as two; of kernels that only move numbers, how many of them it
+    /// sees. At most [`MAX_OPERATIONS`], except on processors.
+    pub operations: u64,
 }
+
+/// Most operations of one dispatch. Drivers take a device for hung when a dispatch lasts, Windows after two seconds: this
+/// many take a slow GPU (50 GFLOP/s in these kernels) 0.4 s. Software devices that are no part of the system, such as lavapipe, have no
+/// such watch, so `Tier::Software` is exempt.
+pub const MAX_OPERATIONS: u64 = 20_000_000_000;
 
 impl Dispatch {
     /// Records `shader` with `params`; `windows` are bindings 1..n in order, `groups` the total number
@@ -68,7 +76,14 @@ impl Dispatch {
         let bytes = bytemuck::bytes_of(params);
         assert_eq!(bytes.len(), shader.params_size as usize, "BUG: Params of {}/{}", shader.kernel, shader.variant);
         assert_eq!(windows.len() + 1, shader.bindings.len(), "BUG: bindings of {}/{}", shader.kernel, shader.variant);
-        Self { shader, params: bytes.into(), windows: windows.into(), groups: fold(groups) }
+        let operations = windows.iter().map(|window| window.size.unwrap_or(0) / 4).sum();
+        Self { shader, params: bytes.into(), windows: windows.into(), groups: fold(groups), operations }
+    }
+
+    /// The same with the number of operations that its kernel counts.
+    #[must_use]
+    pub(crate) fn of_operations(self, operations: u64) -> Self {
+        Self { operations, ..self }
     }
 
     /// Whether any workgroup writes `arg`.

@@ -1,5 +1,6 @@
 //! `y[m, n] = residual + gamma[n] · act(Σ_k x[m, k] W[k, n] + bias[n])`: every linear layer, every 1×1
-//! convolution (rows are pixels) and, by way of `depth_to_space`, transposed convolutions.
+//! convolution (rows are pixels), and transposed convolutions whose stride is their kernel (one column per output channel and
+//! place within the kernel; a copy then moves the columns to their pixels).
 //!
 //! W is packed ([`PackedWeights`]); int8 columns are scaled after their sum. Sums run over k in order whatever the rows or
 //! columns of a dispatch, in the tile of few columns as eight sums that are added in one order, so splitting changes no bit.
@@ -150,10 +151,18 @@ impl Linear {
             (_, WeightType::I8) => (&shaders::BASELINE_W8, Form::Baseline),
         };
         // An even number of blocks: the GPU tile is two wide, and 256-byte alignment follows.
-        let fit = (caps.max_binding / w.block_bytes()).max(2) as u32 / 2 * 2;
+        // The fewest rows of a dispatch are 64.
+        let short = caps.max_operations() / operations(64, 1, w.k);
+        let fit = (caps.max_binding / w.block_bytes()).min(short).max(2) as u32 / 2 * 2;
         for block in (0..w.blocks()).step_by(fit as usize) {
             let blocks = fit.min(w.blocks() - block);
-            out.push(self.dispatch(shader, form, Piece { row0, rows: m, block, blocks, k0: 0, k_len: w.k }));
+            // Rows whose windows start aligned, as those of `record` do.
+            let short = caps.max_operations() / operations(1, blocks, w.k);
+            let short = (short / 64 * 64).max(64).min(m.next_multiple_of(64));
+            for skip in (0..m).step_by(short as usize) {
+                let (row0, rows) = (row0 + skip, short.min(m - skip));
+                out.push(self.dispatch(shader, form, Piece { row0, rows, block, blocks, k0: 0, k_len: w.k }));
+            }
         }
     }
 
@@ -230,8 +239,13 @@ impl Linear {
             let (start, bytes) = self.weights.scales();
             windows.push(W.window(start, bytes));
         }
-        Dispatch::new(shader, &params, &windows, groups)
+        Dispatch::new(shader, &params, &windows, groups).of_operations(operations(m, blocks, k_len))
     }
+}
+
+/// Operations of rows by blocks of 32 columns, padding included.
+fn operations(rows: u64, blocks: u32, k_len: u32) -> u64 {
+    2 * rows * 32 * u64::from(blocks) * u64::from(k_len).max(1)
 }
 
 /// The GPU variant: cooperative matrices before f16 tiles before f32 tiles. f16 operands only beside weights that are no better.

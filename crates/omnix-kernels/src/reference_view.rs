@@ -56,12 +56,12 @@ pub struct ReferenceViewParams {
     stage: u32,
     start: u32,
     forced: u32,
+    first: u32,
+    end: u32,
     pad0: u32,
-    pad1: u32,
-    pad2: u32,
 }
 
-crate::layout::layout!(ReferenceViewParams { s, c, stage, start, forced, pad0, pad1, pad2 });
+crate::layout::layout!(ReferenceViewParams { s, c, stage, start, forced, first, end, pad0 });
 
 const MEAN_SIMILARITY: u32 = 0;
 const LENGTH: u32 = 1;
@@ -108,10 +108,23 @@ impl ReferenceView {
         };
         stages.push((WRITE, 0, 0));
         let windows = [X.window(0, bytes), ORDER.into(), INVERSE.into(), REF.into()];
-        let dispatch = |(stage, start, forced)| {
-            let params = ReferenceViewParams { s, c, stage, start, forced, pad0: 0, pad1: 0, pad2: 0 };
-            Dispatch::new(&shaders::BASELINE, &params, &windows, u64::from(s).div_ceil(64))
-        };
-        Ok(stages.into_iter().map(dispatch).collect())
+        let mut out = Vec::new();
+        for (stage, start, forced) in stages {
+            // Operations of a view: products with all views, its own numbers, or a look at each view.
+            let each = match stage {
+                MEAN_SIMILARITY | RANGE => 4 * u64::from(s) * u64::from(c),
+                LENGTH | VARIANCE => 8 * u64::from(c),
+                _ => 4 * u64::from(s),
+            };
+            let views = (caps.max_operations() / each / 64 * 64).clamp(64, u64::from(s).next_multiple_of(64)) as u32;
+            for first in (0..s).step_by(views as usize) {
+                let count = views.min(s - first);
+                let params = ReferenceViewParams { s, c, stage, start, forced, first, end: first + count, pad0: 0 };
+                let count = u64::from(count);
+                let dispatch = Dispatch::new(&shaders::BASELINE, &params, &windows, count.div_ceil(64));
+                out.push(dispatch.of_operations(count * each));
+            }
+        }
+        Ok(out)
     }
 }

@@ -69,7 +69,7 @@ impl TopK {
             let reason = format!("flat indices of {all} rows of {n} exceed 32 bits; use fewer rows");
             return Err(KernelError::Unsupported { kernel: "top_k", reason });
         }
-        let fit = room(caps) / n;
+        let fit = (room(caps) / n).min((caps.max_operations() / operations(1, n)).max(1));
         if fit == 0 {
             return Err(KernelError::RowTooLarge { kernel: "top_k", bytes: n * 4, limit: caps.max_binding });
         }
@@ -80,8 +80,13 @@ impl TopK {
             let (mask, m_rest) = cover(MASK, row * n, rows * n, caps);
             let (flat, row0) = (u32::from(flat), row as u32);
             let params = TopKParams { rows: rows as u32, n: self.n, k: self.k, x_rest, i_rest, m_rest, flat, row0 };
-            Dispatch::new(&shaders::BASELINE, &params, &[x, index, mask], rows)
+            Dispatch::new(&shaders::BASELINE, &params, &[x, index, mask], rows).of_operations(operations(rows, n))
         };
         Ok((0..all).step_by(fit as usize).map(dispatch).collect())
     }
+}
+
+/// Operations of rows: each of the 34 readings of a number takes about ten to order and to compare.
+const fn operations(rows: u64, n: u64) -> u64 {
+    rows * n * 340
 }

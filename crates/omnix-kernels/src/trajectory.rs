@@ -156,6 +156,8 @@ impl Trajectory {
     /// What of the pixels does not depend on the target time.
     fn own(&self, (first, n): (u64, u64), packed: bool, caps: &Caps) -> Dispatch {
         let ([offsets, weights, pixels], mut params) = self.sample.pixels(first, n, caps);
+        // The score beside the nine numbers of the own time.
+        let operations = 8 * n * self.sample.taps() * 10;
         let (x, x_rest) = cover(POINTS, first * 3, n * 3, caps);
         let (anchor, y_rest) = cover(ANCHOR, first * 12, n * 12, caps);
         params.x_rest = x_rest;
@@ -166,15 +168,16 @@ impl Trajectory {
             params.nt = 1;
             let [a, b, c, d] = self.windows(u64::from(self.nt));
             let windows = [offsets, weights, a, b, c, d, pixels, x, anchor];
-            return Dispatch::new(&shaders::SOFTWARE_OWN, &params, &windows, n.div_ceil(8));
+            return Dispatch::new(&shaders::SOFTWARE_OWN, &params, &windows, n.div_ceil(8)).of_operations(operations);
         }
         let windows = [offsets, weights, FIELD.into(), WHEN.into(), pixels, MASK.into(), x, anchor];
-        Dispatch::new(&shaders::OWN, &params, &windows, n.div_ceil(64))
+        Dispatch::new(&shaders::OWN, &params, &windows, n.div_ceil(64)).of_operations(operations)
     }
 
     /// The pixels at target times `t0..t0 + nt` of the range.
     fn targets(&self, (first, n): (u64, u64), (t0, nt): (u64, u64), packed: bool, caps: &Caps) -> Dispatch {
         let ([offsets, weights, _], mut params) = self.sample.pixels(first, n, caps);
+        let operations = 8 * n * self.sample.taps() * 9 * nt;
         let all = u64::from(self.sample.n);
         let (anchor, x_rest) = cover(ANCHOR, first * 12, n * 12, caps);
         let (y, y_rest) = cover(Y, (t0 * all + first) * 3, ((nt - 1) * all + n) * 3, caps);
@@ -188,7 +191,8 @@ impl Trajectory {
         (params.slot, params.level) = ((self.padded_cells() * 3) as u32, (self.level_words() / 4) as u32);
         if self.packs_for_gpu(caps) {
             let windows = [offsets, weights, PACKED.into(), anchor, y, theta];
-            return Dispatch::new(&shaders::GPU, &params, &windows, (n * nt.div_ceil(GPU_TIMES)).div_ceil(64));
+            let groups = (n * nt.div_ceil(GPU_TIMES)).div_ceil(64);
+            return Dispatch::new(&shaders::GPU, &params, &windows, groups).of_operations(operations);
         }
         if packed {
             let [a, b, c, d] = self.windows(t0);
@@ -198,9 +202,10 @@ impl Trajectory {
                 0 => (&shaders::SOFTWARE_2, SOFTWARE_TIMES),
                 _ => (&shaders::SOFTWARE_1, 1),
             };
-            return Dispatch::new(shader, &params, &windows, n.div_ceil(8) * nt.div_ceil(tw));
+            let groups = n.div_ceil(8) * nt.div_ceil(tw);
+            return Dispatch::new(shader, &params, &windows, groups).of_operations(operations);
         }
         let windows = [offsets, weights, FIELD.into(), WHEN.into(), anchor, y, theta];
-        Dispatch::new(&shaders::BASELINE, &params, &windows, (n * nt).div_ceil(64))
+        Dispatch::new(&shaders::BASELINE, &params, &windows, (n * nt).div_ceil(64)).of_operations(operations)
     }
 }
