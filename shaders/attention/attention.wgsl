@@ -2,14 +2,19 @@
 //
 // An invocation owns a query row: keys come four at a time (one vec4 of a transposed block), values one row at a
 // time. The sums are an array with a loop index, so that one small shader serves every head width and compiles quickly
-// on drivers that unroll badly. No workgroup memory: right everywhere, fast nowhere.
+// on drivers that unroll badly. No workgroup memory: right everywhere, fast nowhere. With TWOS the heads of out start at
+// multiples of two channels instead of four; the inputs are padded, so only loads and stores of out differ.
 #import attention_params
 #import grid
 
 @group(0) @binding(1) var<storage, read> q: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> k: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> v: array<vec4<f32>>;
+#if TWOS
+@group(0) @binding(4) var<storage, read_write> out: array<vec2<f32>>;
+#else
 @group(0) @binding(4) var<storage, read_write> out: array<vec4<f32>>;
+#endif
 @group(0) @binding(5) var<storage, read_write> state: array<vec2<f32>>;
 
 @compute @workgroup_size(64)
@@ -26,7 +31,7 @@ fn main(
     }
     let row = row_of(i, query);
     let to = out_of(i, query);
-    let d4 = p.head_dim / 4u;
+    let d4 = (p.head_dim + 3u) / 4u;
     var m = NEVER;
     var l = 0.0;
     // 128 channels; Params decide how many are in use.
@@ -39,7 +44,15 @@ fn main(
         m = before.x;
         l = before.y;
         for (var c = 0u; c < d4; c++) {
+#if TWOS
+            var last = vec2<f32>(0.0);
+            if (c * 4u + 2u < p.head_dim) {
+                last = out[to + c * 2u + 1u];
+            }
+            sums[c] = vec4<f32>(out[to + c * 2u], last);
+#else
             sums[c] = out[to + c];
+#endif
         }
     }
     // vec4 of a padded row.
@@ -82,6 +95,14 @@ fn main(
         state[row] = vec2<f32>(m, l);
     }
     for (var c = 0u; c < d4; c++) {
+#if TWOS
+        let sum = sums[c] * scale;
+        out[to + c * 2u] = sum.xy;
+        if (c * 4u + 2u < p.head_dim) {
+            out[to + c * 2u + 1u] = sum.zw;
+        }
+#else
         out[to + c] = sums[c] * scale;
+#endif
     }
 }

@@ -48,9 +48,13 @@ fn row_of(i: u32, q: u32) -> u32 {
     return i * p.nq_pad + q - p.q_base;
 }
 
-// Index in vec4 of channel 0 of query q of the dispatch's i-th head within the binding of out.
+// Index in vec4, with TWOS in vec2, of channel 0 of query q of the dispatch's i-th head within the binding of out.
 fn out_of(i: u32, q: u32) -> u32 {
     let head = p.head0 + i;
     let row = head / p.heads * p.nq + q - p.out_row0;
+#if TWOS
+    return (row * p.heads * p.head_dim + head % p.heads * p.head_dim + p.out_skip) / 2u;
+#else
     return (row * p.heads * p.head_dim + head % p.heads * p.head_dim + p.out_skip) / 4u;
+#endif
 }

@@ -2,7 +2,7 @@
 //
 // An invocation owns one token of one head. Channels come as vec4, and the two vec4 of a RoPE pair are
 // read and turned together, so nothing is read twice but for the norm. Needs the rows and heads of x to start at
-// multiples of 4 channels and D to be a multiple of 8, with RoPE of 16. With ROWS y has rows, and takes four at a time too.
+// multiples of 4 channels and D to be one, with RoPE of 16. With ROWS y has rows, and takes four at a time too.
 //
 // The norm's statistics are of one pass: a mean of what was read and the sum of squares around it, four numbers at a time
 // joined to them (Chan, Golub, LeVeque 1983).

@@ -10,8 +10,8 @@ use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, attention as shaders};
 
 use crate::caps::UNIFORM_WINDOW;
-use crate::dispatch::round_up;
-use crate::split_heads::padded;
+use crate::dispatch::{MAX_OPERATIONS, round_up};
+use crate::split_heads::{check_head, padded};
 use crate::{Arg, Caps, Dispatch, KernelError, Tier};
 
 /// Queries `[groups][heads][nq_pad][Dp]`, already scaled.
@@ -32,7 +32,7 @@ pub struct Attention {
     pub groups: u32,
     /// Heads.
     pub heads: u32,
-    /// Channels of a head, D: a multiple of 8 in 8..=128.
+    /// Channels of a head, D: even, at most [`crate::split_heads::WIDEST_HEAD`].
     pub head_dim: u32,
     /// Queries of a group.
     pub nq: u32,
@@ -87,8 +87,6 @@ const LAST: u32 = 2;
 const BLOCK: u64 = 32;
 /// Queries a workgroup of the other variants owns.
 const GROUP_QUERIES: u64 = 64;
-/// Drivers take a device for hung after some seconds in one dispatch: no dispatch has more operations than this.
-const MAX_FLOPS: u64 = 20_000_000_000;
 
 /// Heads `head0 .. head0 + heads` (counted over the groups) and queries `q0 .. q0 + queries` of one dispatch.
 #[derive(Clone, Copy, Debug)]
@@ -151,6 +149,8 @@ impl Attention {
 
     fn key_windows(&self, caps: &Caps) -> KeyWindows {
         let limit = if caps.tier == Tier::Software { UNIFORM_WINDOW } else { caps.max_binding };
+        // The fewest queries of a dispatch see all keys of its window.
+        let limit = limit.min(MAX_OPERATIONS / GROUP_QUERIES);
         let keys = u64::from(padded(self.nk));
         let head_bytes = keys * self.row_bytes();
         if head_bytes <= limit {
@@ -163,19 +163,17 @@ impl Attention {
     /// The dispatches that compute this on a device with `caps`.
     ///
     /// # Errors
-    /// When a size is 0, D is not a multiple of 8 in 8..=128, or 32 rows of the output are larger than the device's
+    /// When a size is 0, D is odd or too wide, or 32 rows of the output are larger than the device's
     /// binding limit.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
-        let fail = |reason: String| Err(KernelError::Unsupported { kernel: "attention", reason });
+        let unsupported = |reason: String| KernelError::Unsupported { kernel: "attention", reason };
         if self.groups == 0 || self.heads == 0 || self.nq == 0 || self.nk == 0 {
-            return fail(format!(
+            return Err(unsupported(format!(
                 "{} groups of {} heads, {} queries and {} keys: none may be 0",
                 self.groups, self.heads, self.nq, self.nk
-            ));
+            )));
         }
-        if !self.head_dim.is_multiple_of(8) || !(8..=128).contains(&self.head_dim) {
-            return fail(format!("heads of {} channels; a multiple of 8 from 8 to 128 is possible", self.head_dim));
-        }
+        check_head(self.head_dim).map_err(unsupported)?;
         let windows = self.key_windows(caps);
         if windows.keys == 0 {
             let bytes = BLOCK * self.row_bytes();
@@ -197,8 +195,9 @@ impl Attention {
         let q_bytes = (q_end - q_start) * self.row_bytes();
         let (out_start, out_end) = self.out_window(&piece, caps);
         let bytes = q_bytes.max(out_end - out_start);
-        let flops = 4 * piece.heads * piece.queries * keys.keys * self.row_bytes() / 4;
-        if bytes <= caps.max_binding && (flops <= MAX_FLOPS || piece.heads == 1 && piece.queries <= GROUP_QUERIES) {
+        let flops = self.operations(&piece, keys.keys);
+        if bytes <= caps.max_binding && (flops <= MAX_OPERATIONS || piece.heads == 1 && piece.queries <= GROUP_QUERIES)
+        {
             let all = u64::from(padded(self.nk));
             for key0 in (0..all).step_by(keys.keys as usize) {
                 out.push(self.dispatch(&piece, (key0, keys.keys.min(all - key0)), caps));
@@ -209,7 +208,7 @@ impl Attention {
         let (first, last) = (piece.head0 / heads, (piece.head0 + piece.heads - 1) / heads);
         let at_head = if last > first {
             Some((first + (last - first).div_ceil(2)) * heads - piece.head0)
-        } else if piece.heads > 1 && (q_bytes > caps.max_binding || flops > MAX_FLOPS) {
+        } else if piece.heads > 1 && (q_bytes > caps.max_binding || flops > MAX_OPERATIONS) {
             Some(piece.heads / 2)
         } else {
             None
@@ -290,11 +289,17 @@ impl Attention {
             state,
         ];
         let groups = match caps.tier {
+            _ if self.twos() => (piece.heads * piece.queries).div_ceil(GROUP_QUERIES),
             Tier::Software => piece.heads * piece.queries.div_ceil(self.software_queries()),
             Tier::Gpu => piece.heads * piece.queries.div_ceil(GROUP_QUERIES),
             Tier::Baseline => (piece.heads * piece.queries).div_ceil(GROUP_QUERIES),
         };
-        Dispatch::new(self.shader(caps), &params, &windows, groups)
+        Dispatch::new(self.shader(caps), &params, &windows, groups).of_operations(self.operations(piece, keys))
+    }
+
+    /// Operations of a piece with some keys, padding included; 4 per query, key and channel.
+    const fn operations(&self, piece: &Piece, keys: u64) -> u64 {
+        piece.heads * piece.queries * keys * self.row_bytes()
     }
 
     /// Queries a subgroup of the software variants owns (`TM` in the sidecar file).
@@ -302,12 +307,23 @@ impl Attention {
         if padded(self.head_dim) == 128 { 16 } else { 24 }
     }
 
+    /// Whether heads of the output start at multiples of two channels only, which one text for all devices serves.
+    const fn twos(&self) -> bool {
+        !self.head_dim.is_multiple_of(4)
+    }
+
     fn shader(&self, caps: &Caps) -> &'static Shader {
         use shaders as s;
+        if self.twos() {
+            return &s::BASELINE_TWOS;
+        }
         let products = caps.products();
         let of = |variants: [&'static Shader; 4]| variants[padded(self.head_dim) as usize / 32 - 1];
         match caps.tier {
-            Tier::Software => of([&s::SOFTWARE_32, &s::SOFTWARE_64, &s::SOFTWARE_96, &s::SOFTWARE_128]),
+            Tier::Software if self.head_dim.is_multiple_of(8) => {
+                of([&s::SOFTWARE_32, &s::SOFTWARE_64, &s::SOFTWARE_96, &s::SOFTWARE_128])
+            }
+            Tier::Software => of([&s::SOFTWARE_32, &s::SOFTWARE_64_FOURS, &s::SOFTWARE_96, &s::SOFTWARE_128_FOURS]),
             Tier::Baseline => &s::BASELINE,
             Tier::Gpu if caps.has_quads() && products.f16_16 && caps.f16 => {
                 of([&s::COOPERATIVE_16_32, &s::COOPERATIVE_16_64, &s::COOPERATIVE_16_96, &s::COOPERATIVE_16_128])

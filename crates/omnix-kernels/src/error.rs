@@ -12,7 +12,7 @@ pub enum KernelError {
         /// What was found instead.
         reason: String,
     },
-    /// A specification that the kernel does not compute, such as a head width that is not a multiple of 8.
+    /// A specification that the kernel does not compute, such as an odd head width.
     #[error("{kernel}: {reason}")]
     Unsupported {
         /// Kernel name.

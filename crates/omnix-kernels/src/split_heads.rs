@@ -45,7 +45,7 @@ pub struct SplitHeads {
     pub tokens: u32,
     /// Heads.
     pub heads: u32,
-    /// Channels of a head, D: a multiple of 8 in 8..=128.
+    /// Channels of a head, D: even, at most [`WIDEST_HEAD`]; with RoPE a multiple of 4.
     pub head_dim: u32,
     /// Numbers from one row of x to the next.
     pub x_stride: u32,
@@ -116,6 +116,17 @@ const KEY_BLOCKS: u32 = 4;
 /// Tokens and channels are padded to a multiple of this.
 const BLOCK: u64 = 32;
 
+/// The widest head that the kernels take: a row of it stays in registers.
+pub const WIDEST_HEAD: u32 = 128;
+
+/// Whether heads of `head_dim` channels can be computed: any even number up to [`WIDEST_HEAD`], padded to a multiple of 32.
+pub(crate) fn check_head(head_dim: u32) -> Result<(), String> {
+    if head_dim.is_multiple_of(2) && (2..=WIDEST_HEAD).contains(&head_dim) {
+        return Ok(());
+    }
+    Err(format!("heads of {head_dim} channels; an even number from 2 to {WIDEST_HEAD} is possible"))
+}
+
 /// Tokens rounded up as [`Y`] has them.
 #[must_use]
 pub const fn padded(n: u32) -> u32 {
@@ -154,8 +165,8 @@ impl SplitHeads {
     /// The dispatches that compute this on a device with `caps`.
     ///
     /// # Errors
-    /// When a size is 0, D is not a multiple of 8 in 8..=128, the heads do not fit in a row of x, or 32 rows of x
-    /// are larger than the device's binding limit.
+    /// When a size is 0, D is odd, too wide or not a multiple of 4 beside RoPE, the heads do not fit in a row of x, or 32 rows
+    /// of x are larger than the device's binding limit.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
         self.check(caps)?;
         let (tokens, _) = self.padded();
@@ -174,8 +185,12 @@ impl SplitHeads {
                 self.groups, self.tokens, self.heads
             ));
         }
-        if !self.head_dim.is_multiple_of(8) || !(8..=128).contains(&self.head_dim) {
-            return fail(format!("heads of {} channels; a multiple of 8 from 8 to 128 is possible", self.head_dim));
+        check_head(self.head_dim).or_else(fail)?;
+        if self.rope_rows.is_some() && !self.head_dim.is_multiple_of(4) {
+            return fail(format!(
+                "RoPE turns pairs in both halves of a head: {} channels are no multiple of 4",
+                self.head_dim
+            ));
         }
         let end = u64::from(self.x_offset) + u64::from(self.heads) * u64::from(self.head_dim);
         if end > u64::from(self.x_stride) {
@@ -254,7 +269,7 @@ impl SplitHeads {
         let row0 = self.row0(piece);
         let skip = row0 * u64::from(self.x_stride) - x_start / 4;
         let rope = self.rope_rows.is_some();
-        let fours = self.x_stride.is_multiple_of(4) && self.x_offset.is_multiple_of(4);
+        let fours = [self.x_stride, self.x_offset, self.head_dim].iter().all(|n| n.is_multiple_of(4));
         let shader = match caps.tier {
             _ if !fours || rope && !self.head_dim.is_multiple_of(16) => &shaders::BASELINE,
             Tier::Software if self.layout == HeadLayout::Rows => &shaders::SOFTWARE_ROWS,
