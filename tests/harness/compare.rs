@@ -41,3 +41,9 @@ pub fn assert_close(what: &str, got: &[f32], want: &[f32], limit: f64) {
         got[worst], want[worst]
     );
 }
+
+/// `values` as f16 holds them.
+#[must_use]
+pub fn as_f16(values: &[f32]) -> Vec<f32> {
+    values.iter().map(|v| half::f16::from_f32(*v).to_f32()).collect()
+}

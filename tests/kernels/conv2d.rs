@@ -2,9 +2,18 @@
 
 use omnix_kernels::conv2d::{Conv2d, Y};
 use omnix_kernels::run::{HostArg, run};
-use omnix_kernels::{Activation, Caps, Cooperative, Dispatch, Gpu, PackedWeights, Tier, WeightType, cpu};
+use omnix_kernels::{Activation, Caps, Cooperative, Dispatch, Gpu, PackedWeights, WeightType, cpu};
 use omnix_shaders::conv2d as shaders;
-use omnix_tests::{Rng, as_f16, assert_close, families, family, rounds, with_max_binding};
+use omnix_tests::{Rng, Trial, as_f16, assert_close, family, rounds, trials, with_max_binding};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "conv2d",
+        stand_ins: [cooperative_tiles_match_the_oracle_through_their_stand_ins],
+        once: [bad_specifications_are_errors],
+        families: [splitting_over_frames_and_bands_changes_no_bit, values_that_are_not_finite_stay_near, every_variant_matches_the_oracle],
+    )
+}
 
 /// A plain specification with nothing optional.
 pub(crate) fn plain(
@@ -70,8 +79,7 @@ fn compute(gpu: &Gpu, spec: &Conv2d, round: bool, change: &dyn Fn(&mut Dispatch)
     (got, cpu::conv2d(spec, &x, &weight, &bias, &residual, &residual2))
 }
 
-#[test]
-fn every_variant_matches_the_oracle() {
+fn every_variant_matches_the_oracle(gpu: &Gpu) {
     // One pixel, odd sizes, several column blocks, several windows of taps, parts of a tap (ci above 512 and 1024).
     let specs = [
         plain(1, [1, 1], 1, 1, [3, 3], 1, 1),
@@ -87,91 +95,79 @@ fn every_variant_matches_the_oracle() {
         plain(2, [3, 3], 8, 130, [1, 1], 1, 0),
         plain(1, [2, 2], 4, 4, [3, 3], 1, 3),
     ];
-    for gpu in families() {
-        for spec in &specs {
-            let mut variants = vec![*spec];
-            for storage in [WeightType::F32, WeightType::F16] {
-                variants.push(full(*spec, storage, Activation::Relu));
-            }
-            if spec.ci == 32 {
-                variants.push(full(*spec, WeightType::F32, Activation::Gelu));
-            }
-            for spec in variants {
-                let (got, want) = case(&gpu, &spec);
-                assert_close(&format!("{} {spec:?}", family(&gpu)), &got, &want, 2e-6);
-            }
+    for spec in &specs {
+        let mut variants = vec![*spec];
+        for storage in [WeightType::F32, WeightType::F16] {
+            variants.push(full(*spec, storage, Activation::Relu));
+        }
+        if spec.ci == 32 {
+            variants.push(full(*spec, WeightType::F32, Activation::Gelu));
+        }
+        for spec in variants {
+            let (got, want) = case(gpu, &spec);
+            assert_close(&format!("{} {spec:?}", family(gpu)), &got, &want, 2e-6);
         }
     }
 }
 
-#[test]
-fn cooperative_tiles_match_the_oracle_through_their_stand_ins() {
-    let gpu = omnix_tests::gpu();
+fn cooperative_tiles_match_the_oracle_through_their_stand_ins(gpu: &Gpu) {
     let products = Cooperative { f16_16: true, f32_8: true };
-    let caps = gpu.caps.clone().with_tier(Tier::Gpu).with_subgroup(Some([32, 32])).with_cooperative(products);
-    let mut stand_ins = vec![(WeightType::F32, "cooperative_8", &shaders::STAND_IN_8_32)];
-    if caps.f16 {
-        stand_ins.push((WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_32));
-    }
+    let caps = gpu.caps.clone().with_subgroup(Some([32, 32])).with_cooperative(products);
+    let (storage, chosen, stand_in) = if caps.f16 {
+        (WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_32)
+    } else {
+        (WeightType::F32, "cooperative_8", &shaders::STAND_IN_8_32)
+    };
     let gpu = gpu.with_caps(caps);
-    for (storage, chosen, stand_in) in stand_ins {
-        let change = |dispatch: &mut Dispatch| {
-            assert_eq!(dispatch.shader.variant, chosen);
-            dispatch.shader = stand_in;
-        };
-        for spec in [plain(2, [6, 5], 4, 8, [3, 3], 2, 1), plain(1, [9, 11], 36, 68, [3, 3], 1, 1)] {
-            let spec = full(spec, storage, Activation::Relu);
-            let (got, want) = compute(&gpu, &spec, storage == WeightType::F16, &change);
-            assert_close(&format!("{} {spec:?}", stand_in.variant), &got, &want, 2e-6);
+    let change = |dispatch: &mut Dispatch| {
+        assert_eq!(dispatch.shader.variant, chosen);
+        dispatch.shader = stand_in;
+    };
+    for spec in [plain(2, [6, 5], 4, 8, [3, 3], 2, 1), plain(1, [9, 11], 36, 68, [3, 3], 1, 1)] {
+        let spec = full(spec, storage, Activation::Relu);
+        let (got, want) = compute(&gpu, &spec, storage == WeightType::F16, &change);
+        assert_close(&format!("{} {spec:?}", stand_in.variant), &got, &want, 2e-6);
+    }
+}
+
+fn splitting_over_frames_and_bands_changes_no_bit(gpu: &Gpu) {
+    for spec in [
+        plain(5, [6, 7], 20, 36, [3, 3], 1, 1),
+        plain(2, [31, 17], 12, 8, [3, 3], 2, 1),
+        plain(1, [40, 9], 5, 7, [3, 3], 1, 1),
+        plain(1, [33, 12], 8, 16, [3, 3], 1, 4),
+    ] {
+        let spec = full(spec, WeightType::F32, Activation::Silu);
+        let (whole, _) = case(gpu, &spec);
+        // The weights (23 KB and less) stay whole; frames of 3 to 6 KB do not go five at a time, larger ones in bands.
+        for limit in [8192, 4096] {
+            let small = with_max_binding(gpu, limit);
+            let count = spec.record(&small.caps).expect("records").len();
+            assert!(count > spec.record(&gpu.caps).expect("records").len(), "{count} dispatches");
+            assert_eq!(whole, case(&small, &spec).0, "{} {spec:?} at {limit}", family(gpu));
         }
     }
 }
 
-#[test]
-fn splitting_over_frames_and_bands_changes_no_bit() {
-    for gpu in families() {
-        for spec in [
-            plain(5, [6, 7], 20, 36, [3, 3], 1, 1),
-            plain(2, [31, 17], 12, 8, [3, 3], 2, 1),
-            plain(1, [40, 9], 5, 7, [3, 3], 1, 1),
-            plain(1, [33, 12], 8, 16, [3, 3], 1, 4),
-        ] {
-            let spec = full(spec, WeightType::F32, Activation::Silu);
-            let (whole, _) = case(&gpu, &spec);
-            // The weights (23 KB and less) stay whole; frames of 3 to 6 KB do not go five at a time, larger ones in bands.
-            for limit in [8192, 4096] {
-                let small = with_max_binding(&gpu, limit);
-                let count = spec.record(&small.caps).expect("records").len();
-                assert!(count > spec.record(&gpu.caps).expect("records").len(), "{count} dispatches");
-                assert_eq!(whole, case(&small, &spec).0, "{} {spec:?} at {limit}", family(&gpu));
-            }
-        }
-    }
+fn values_that_are_not_finite_stay_near(gpu: &Gpu) {
+    let spec = plain(1, [6, 6], 4, 4, [3, 3], 1, 1);
+    let mut x = vec![1.0f32; 6 * 6 * 4];
+    x[0] = f32::INFINITY;
+    let packed = spec.weights.pack(|_, _| 1.0);
+    let absent = [0.0f32];
+    let args = [
+        HostArg::F32(&x),
+        HostArg::Bytes(&packed),
+        HostArg::F32(&absent),
+        HostArg::F32(&absent),
+        HostArg::F32(&absent),
+        HostArg::Out(6 * 6 * 4),
+    ];
+    let y = run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
+    let reached = |i: usize| i / 24 < 2 && i / 4 % 6 < 2;
+    assert!((0..y.len()).all(|i| y[i].is_finite() != reached(i)), "{}", family(gpu));
 }
 
-#[test]
-fn values_that_are_not_finite_stay_near() {
-    for gpu in families() {
-        let spec = plain(1, [6, 6], 4, 4, [3, 3], 1, 1);
-        let mut x = vec![1.0f32; 6 * 6 * 4];
-        x[0] = f32::INFINITY;
-        let packed = spec.weights.pack(|_, _| 1.0);
-        let absent = [0.0f32];
-        let args = [
-            HostArg::F32(&x),
-            HostArg::Bytes(&packed),
-            HostArg::F32(&absent),
-            HostArg::F32(&absent),
-            HostArg::F32(&absent),
-            HostArg::Out(6 * 6 * 4),
-        ];
-        let y = run(&gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
-        let reached = |i: usize| i / 24 < 2 && i / 4 % 6 < 2;
-        assert!((0..y.len()).all(|i| y[i].is_finite() != reached(i)), "{}", family(&gpu));
-    }
-}
-
-#[test]
 fn bad_specifications_are_errors() {
     let caps = Caps { max_binding: 4096, ..Caps::baseline() };
     let mut spec = plain(1, [8, 8], 4, 4, [3, 3], 1, 1);

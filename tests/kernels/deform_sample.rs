@@ -4,7 +4,15 @@ use omnix_kernels::cpu::{self, Sampled};
 use omnix_kernels::deform_sample::{DeformSample, TAU};
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::{Caps, Gpu};
-use omnix_tests::{Rng, assert_close, gpu, with_max_binding};
+use omnix_tests::{Rng, Trial, assert_close, trials, with_max_binding};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "deform_sample",
+        device: [matches_the_oracle, offsets_far_outside_stop_at_the_border_where_half_the_weight_falls_on_cells, splitting_at_the_binding_limit_changes_no_bit, a_list_gives_the_bits_of_the_whole_image, what_is_not_a_number_ends],
+        once: [impossible_sizes_are_errors],
+    )
+}
 
 /// Seeded host arrays of a specification.
 #[derive(Clone)]
@@ -67,8 +75,7 @@ pub(crate) fn compute(gpu: &Gpu, spec: &DeformSample, inputs: &Inputs) -> Vec<f3
     run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(TAU.0)).expect("runs")
 }
 
-#[test]
-fn matches_the_oracle() {
+fn matches_the_oracle(gpu: &Gpu) {
     let mut release = spec([20, 9], [5, 3], 3, None);
     (release.levels, release.points) = (4, 9);
     // One pixel and one cell; one row, one column; a list, longer than a workgroup; the release's points.
@@ -84,43 +91,40 @@ fn matches_the_oracle() {
         let inputs = Inputs::new(&spec);
         assert_close(
             &format!("{spec:?}"),
-            &compute(gpu(), &spec, &inputs),
+            &compute(gpu, &spec, &inputs),
             &cpu::deform_sample(&spec, &inputs.sampled()),
             2e-6,
         );
     }
 }
 
-#[test]
-fn offsets_far_outside_stop_at_the_border_where_half_the_weight_falls_on_cells() {
+fn offsets_far_outside_stop_at_the_border_where_half_the_weight_falls_on_cells(gpu: &Gpu) {
     let spec = spec([14, 14], [3, 2], 2, None);
     let mut inputs = Inputs::new(&spec);
     inputs.offsets.iter_mut().for_each(|o| *o = 1e9 * o.signum());
     inputs.mask.fill(1.0);
-    let got = compute(gpu(), &spec, &inputs);
+    let got = compute(gpu, &spec, &inputs);
     assert_close("far offsets", &got, &cpu::deform_sample(&spec, &inputs.sampled()), 2e-6);
     // Every point lies in a corner: a quarter of the weights, which sum to 1.
     let row = spec.times as usize * 9 + 1;
     assert!(got.chunks_exact(row).all(|r| (r[row - 1] - 0.25).abs() < 1e-6));
     inputs.mask.fill(0.0);
-    assert!(compute(gpu(), &spec, &inputs).chunks_exact(row).all(|r| r[row - 1] == 0.0));
+    assert!(compute(gpu, &spec, &inputs).chunks_exact(row).all(|r| r[row - 1] == 0.0));
 }
 
-#[test]
-fn splitting_at_the_binding_limit_changes_no_bit() {
-    let small = with_max_binding(gpu(), 8192);
+fn splitting_at_the_binding_limit_changes_no_bit(gpu: &Gpu) {
+    let small = with_max_binding(gpu, 8192);
     for spec in [spec([33, 28], [4, 3], 3, None), spec([33, 28], [4, 3], 5, Some(500))] {
         let inputs = Inputs::new(&spec);
         assert!(spec.record(&small.caps).expect("records").len() > 6);
-        assert!(compute(&small, &spec, &inputs) == compute(gpu(), &spec, &inputs), "{spec:?}");
+        assert!(compute(&small, &spec, &inputs) == compute(gpu, &spec, &inputs), "{spec:?}");
     }
 }
 
-#[test]
-fn a_list_gives_the_bits_of_the_whole_image() {
+fn a_list_gives_the_bits_of_the_whole_image(gpu: &Gpu) {
     let all = spec([33, 28], [4, 3], 3, None);
     let inputs = Inputs::new(&all);
-    let whole = compute(gpu(), &all, &inputs);
+    let whole = compute(gpu, &all, &inputs);
     let pixels = [923, 0, 33, 32, 500];
     let listed = spec([33, 28], [4, 3], 3, Some(5));
     let rows = |data: &[f32], width: usize| -> Vec<f32> {
@@ -132,23 +136,21 @@ fn a_list_gives_the_bits_of_the_whole_image() {
         pixels: pixels.to_vec(),
         ..inputs.clone()
     };
-    assert!(compute(gpu(), &listed, &some) == rows(&whole, 28));
+    assert!(compute(gpu, &listed, &some) == rows(&whole, 28));
 }
 
-#[test]
-fn what_is_not_a_number_ends() {
+fn what_is_not_a_number_ends(gpu: &Gpu) {
     let spec = spec([28, 14], [4, 3], 2, None);
     let mut inputs = Inputs::new(&spec);
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
     inputs.offsets.iter_mut().step_by(5).zip(bad.iter().cycle()).for_each(|(o, b)| *o = *b);
     inputs.weights[7] = f32::NAN;
-    let got = compute(gpu(), &spec, &inputs);
+    let got = compute(gpu, &spec, &inputs);
     assert_eq!(got.len(), 28 * 14 * 19);
     // Pixel 1 has the bad weight.
     assert!(got[19..38].iter().all(|v| v.is_nan()));
 }
 
-#[test]
 fn impossible_sizes_are_errors() {
     let caps = Caps { max_binding: 4096, ..Caps::baseline() };
     let good = spec([14, 14], [1, 1], 1, None);

@@ -3,7 +3,15 @@
 use omnix_kernels::field_scatter::{FIELD, FieldScatter};
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, gpu, with_max_binding};
+use omnix_tests::{Rng, Trial, trials, with_max_binding};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "field_scatter",
+        device: [matches_the_oracle, splitting_at_the_binding_limit_changes_no_bit],
+        once: [impossible_sizes_are_errors],
+    )
+}
 
 const fn spec(sources: u32, times: u32, k: u32, cells: u32, c: u32) -> FieldScatter {
     FieldScatter { sources, times, k, cells, c }
@@ -32,8 +40,7 @@ fn check(gpu: &Gpu, spec: &FieldScatter) -> usize {
     dispatches.len()
 }
 
-#[test]
-fn matches_the_oracle() {
+fn matches_the_oracle(gpu: &Gpu) {
     // One cell; all chosen (K = L); one time; larger than a workgroup; other channel counts.
     for spec in [
         spec(1, 1, 1, 1, 9),
@@ -43,19 +50,17 @@ fn matches_the_oracle() {
         spec(5, 4, 144, 720, 9),
         spec(2, 3, 1, 65, 3),
     ] {
-        check(gpu(), &spec);
+        check(gpu, &spec);
     }
 }
 
-#[test]
-fn splitting_at_the_binding_limit_changes_no_bit() {
-    let small = with_max_binding(gpu(), 8192);
+fn splitting_at_the_binding_limit_changes_no_bit(gpu: &Gpu) {
+    let small = with_max_binding(gpu, 8192);
     for (spec, least) in [(spec(5, 2, 7, 30, 9), 2), (spec(3, 11, 20, 100, 9), 15), (spec(9, 9, 30, 30, 9), 12)] {
         assert!(check(&small, &spec) >= least, "{spec:?}");
     }
 }
 
-#[test]
 fn impossible_sizes_are_errors() {
     let caps = Caps { max_binding: 1024, ..Caps::baseline() };
     for bad in

@@ -1,9 +1,18 @@
 //! `gather` against its oracle.
 
 use omnix_kernels::gather::{Gather, Y};
-use omnix_kernels::run::{HostArg, execute, read, upload};
+use omnix_kernels::readback::read;
+use omnix_kernels::run::{HostArg, execute, upload};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, gpu, tiers, with_max_binding};
+use omnix_tests::{Rng, Trial, trials, with_max_binding};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "gather",
+        tiers: [matches_the_oracle, a_table_above_the_binding_limit_is_seen_in_windows],
+        once: [impossible_rows_are_errors],
+    )
+}
 
 fn check(gpu: &Gpu, spec: &Gather) -> usize {
     let mut rng = Rng::new(u64::from(spec.n + spec.c));
@@ -19,24 +28,19 @@ fn check(gpu: &Gpu, spec: &Gather) -> usize {
     dispatches.len()
 }
 
-#[test]
-fn matches_the_oracle() {
+fn matches_the_oracle(gpu: &Gpu) {
     for [n, m, c] in [[1, 1, 1], [5, 9, 3], [20, 7, 4], [100, 300, 36], [64, 64, 130], [33, 50, 1024]] {
-        for gpu in tiers() {
-            check(&gpu, &Gather { n, m, c });
-        }
+        check(gpu, &Gather { n, m, c });
     }
 }
 
-#[test]
-fn a_table_above_the_binding_limit_is_seen_in_windows() {
-    let small = with_max_binding(gpu(), 4096);
+fn a_table_above_the_binding_limit_is_seen_in_windows(gpu: &Gpu) {
+    let small = with_max_binding(gpu, 4096);
     for [n, m, c] in [[500, 90, 36], [700, 900, 5], [9, 40, 900]] {
         assert!(check(&small, &Gather { n, m, c }) > 4);
     }
 }
 
-#[test]
 fn impossible_rows_are_errors() {
     let caps = Caps { max_binding: 1024, ..Caps::baseline() };
     assert!(Gather { n: 2, m: 2, c: 1000 }.record(&caps).expect_err("wide").to_string().contains("binds at most 1024"));

@@ -3,7 +3,15 @@
 use omnix_kernels::layer_norm::{LayerNorm, Y};
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::{Activation, Caps, Gpu, KernelError, cpu};
-use omnix_tests::{Rng, assert_close, families, family, with_max_binding};
+use omnix_tests::{Rng, Trial, assert_close, family, trials, with_max_binding};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "layer_norm",
+        families: [every_variant_matches_the_oracle, a_common_offset_costs_no_more_than_its_rounding, splitting_at_the_binding_limit_changes_no_bit],
+        once: [bad_specifications_are_errors],
+    )
+}
 
 /// Rows and channels: one, odd, below and above a subgroup, a workgroup and a tile of rows.
 const SHAPES: &[(u32, u32)] = &[
@@ -40,46 +48,36 @@ fn spec(m: u32, c: u32, act: Activation, affine: bool) -> LayerNorm {
     LayerNorm { m, c, eps: 1e-6, act, weight: affine, bias: affine }
 }
 
-#[test]
-fn every_variant_matches_the_oracle() {
-    for gpu in families() {
-        for &(m, c) in SHAPES {
-            for (act, affine) in [(Activation::None, true), (Activation::Gelu, false), (Activation::Relu, true)] {
-                let (got, want) = case(&gpu, &spec(m, c, act, affine), 0.0);
-                assert_close(&format!("{} [{m}, {c}] {act:?} affine {affine}", family(&gpu)), &got, &want, 2e-6);
-            }
+fn every_variant_matches_the_oracle(gpu: &Gpu) {
+    for &(m, c) in SHAPES {
+        for (act, affine) in [(Activation::None, true), (Activation::Gelu, false), (Activation::Relu, true)] {
+            let (got, want) = case(gpu, &spec(m, c, act, affine), 0.0);
+            assert_close(&format!("{} [{m}, {c}] {act:?} affine {affine}", family(gpu)), &got, &want, 2e-6);
         }
-        for (weight, bias) in [(true, false), (false, true)] {
-            let (got, want) = case(&gpu, &LayerNorm { weight, bias, ..spec(4, 40, Activation::None, true) }, 0.0);
-            assert_close(&format!("{} weight {weight} bias {bias}", family(&gpu)), &got, &want, 2e-6);
-        }
+    }
+    for (weight, bias) in [(true, false), (false, true)] {
+        let (got, want) = case(gpu, &LayerNorm { weight, bias, ..spec(4, 40, Activation::None, true) }, 0.0);
+        assert_close(&format!("{} weight {weight} bias {bias}", family(gpu)), &got, &want, 2e-6);
     }
 }
 
-#[test]
-fn a_common_offset_costs_no_more_than_its_rounding() {
-    for gpu in families() {
-        // One-pass variance would lose everything here: mean² is 10⁶ times the variance.
-        let (got, want) = case(&gpu, &spec(5, 384, Activation::None, false), 3000.0);
-        assert_close(&family(&gpu), &got, &want, 2e-4);
+fn a_common_offset_costs_no_more_than_its_rounding(gpu: &Gpu) {
+    // One-pass variance would lose everything here: mean² is 10⁶ times the variance.
+    let (got, want) = case(gpu, &spec(5, 384, Activation::None, false), 3000.0);
+    assert_close(&family(gpu), &got, &want, 2e-4);
+}
+
+fn splitting_at_the_binding_limit_changes_no_bit(gpu: &Gpu) {
+    for c in [96, 100, 33] {
+        let spec = spec(200, c, Activation::Gelu, true);
+        let (whole, _) = case(gpu, &spec, 0.0);
+        let small = with_max_binding(gpu, 25_600);
+        assert!(spec.record(&small.caps).expect("records").len() > 1);
+        let (split, _) = case(&small, &spec, 0.0);
+        assert_eq!(whole, split, "{}", family(gpu));
     }
 }
 
-#[test]
-fn splitting_at_the_binding_limit_changes_no_bit() {
-    for gpu in families() {
-        for c in [96, 100, 33] {
-            let spec = spec(200, c, Activation::Gelu, true);
-            let (whole, _) = case(&gpu, &spec, 0.0);
-            let small = with_max_binding(&gpu, 25_600);
-            assert!(spec.record(&small.caps).expect("records").len() > 1);
-            let (split, _) = case(&small, &spec, 0.0);
-            assert_eq!(whole, split, "{}", family(&gpu));
-        }
-    }
-}
-
-#[test]
 fn bad_specifications_are_errors() {
     let caps = Caps { max_binding: 65_536, ..Caps::baseline() };
     let error = spec(100, 4096, Activation::None, true).record(&caps).expect_err("too large");

@@ -6,6 +6,14 @@ use omnix_kernels::{
     reference_view, resize, softmax, split_heads, swiglu, token_expand, top_k, traj_apply, winograd,
 };
 use omnix_shaders::ALL;
+use omnix_tests::{Trial, trials};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "layout",
+        once: [host_params_have_the_layout_naga_reports, params_fit_one_stride_and_no_shader_exceeds_the_baseline],
+    )
+}
 
 /// The host's `Params` of every kernel.
 const HOST: &[(&str, Layout)] = &[
@@ -32,7 +40,6 @@ const HOST: &[(&str, Layout)] = &[
     ("winograd", winograd::WinogradParams::LAYOUT),
 ];
 
-#[test]
 fn host_params_have_the_layout_naga_reports() {
     for shader in ALL {
         let name = format!("{}/{}", shader.kernel, shader.variant);
@@ -46,7 +53,6 @@ fn host_params_have_the_layout_naga_reports() {
     }
 }
 
-#[test]
 fn params_fit_one_stride_and_no_shader_exceeds_the_baseline() {
     for shader in ALL {
         let name = format!("{}/{}", shader.kernel, shader.variant);

@@ -4,17 +4,17 @@ use omnix_kernels::linear::{Linear, Y};
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::{Activation, Cooperative, Dispatch, Gpu, PackedWeights, Tier, WeightType, cpu};
 use omnix_shaders::linear as shaders;
-use omnix_tests::{Rng, as_f16, assert_close, families, family, relative_error, rounds, with_max_binding};
+use omnix_tests::{Rng, Trial, as_f16, assert_close, family, relative_error, rounds, trials, with_max_binding};
 
-/// All families, and the software tiles of both kinds of processor.
-fn devices() -> Vec<Gpu> {
-    let mut devices = families();
-    let software = devices.iter().find(|gpu| gpu.caps.tier == Tier::Software).cloned();
-    devices.extend(software.map(|gpu| {
-        let other = if gpu.caps.weight_windows() { 32 } else { 16 };
-        gpu.with_caps(gpu.caps.clone().with_vector_registers(other))
-    }));
-    devices
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "linear",
+        products: [every_variant_matches_the_oracle, splitting_at_the_binding_limit_changes_no_bit],
+        half: [f16_operands_cost_their_rounding_and_stay_with_weights_that_are_no_better],
+        software: [uniform_windows_change_no_bit],
+        stand_ins: [cooperative_tiles_match_the_oracle_through_their_stand_ins],
+        once: [the_variant_follows_from_facts, a_row_above_the_binding_limit_is_an_error],
+    )
 }
 
 /// Rows, columns, depth: one, odd, tile edges, several column blocks, several uniform windows.
@@ -92,56 +92,49 @@ fn as_int8(w: &[f32], k: usize) -> Vec<f32> {
     w.chunks(k).flat_map(column).collect()
 }
 
-#[test]
-fn every_variant_matches_the_oracle() {
-    for gpu in devices() {
-        for &shape in SHAPES {
-            for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
-                for (act, full) in [
-                    (Activation::None, false),
-                    (Activation::Gelu, true),
-                    (Activation::Relu, true),
-                    (Activation::Silu, false),
-                ] {
-                    let (got, want) = case(&gpu, shape, storage, act, full);
-                    // Matrix units add with their own rounding (an H200: 2.5e-6 at k = 2052, with f16 operands).
-                    let Cooperative { f16_16, f32_8 } = gpu.caps.cooperative;
-                    let matrix_units = f32_8 || f16_16 && storage != WeightType::F32;
-                    let most = if matrix_units { 1e-5 } else { 2e-6 };
-                    let label = format!("{} {shape:?} {storage:?} {act:?} full {full}", family(&gpu));
-                    assert_close(&label, &got, &want, most);
-                }
+fn every_variant_matches_the_oracle(gpu: &Gpu) {
+    for &shape in SHAPES {
+        for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
+            for (act, full) in [
+                (Activation::None, false),
+                (Activation::Gelu, true),
+                (Activation::Relu, true),
+                (Activation::Silu, false),
+            ] {
+                let (got, want) = case(gpu, shape, storage, act, full);
+                // Matrix units add with their own rounding (an H200: 2.5e-6 at k = 2052, with f16 operands).
+                let Cooperative { f16_16, f32_8 } = gpu.caps.cooperative;
+                let matrix_units = f32_8 || f16_16 && storage != WeightType::F32;
+                let most = if matrix_units { 1e-5 } else { 2e-6 };
+                let label = format!("{} {shape:?} {storage:?} {act:?} full {full}", family(gpu));
+                assert_close(&label, &got, &want, most);
             }
         }
     }
 }
 
-#[test]
-fn f16_operands_cost_their_rounding_and_stay_with_weights_that_are_no_better() {
-    for gpu in devices().iter().filter(|gpu| rounds(gpu)) {
-        for (storage, least, most) in
-            [(WeightType::F32, 0.0, 2e-6), (WeightType::F16, 1e-5, 5e-4), (WeightType::I8, 1e-5, 5e-4)]
-        {
-            let (got, want) = compute(gpu, (70, 68, 520), storage, Activation::None, false, false, &|_| ());
-            let error = relative_error(&got, &want);
-            assert!((least..most).contains(&error), "{storage:?}: {error:.1e}");
-        }
+fn f16_operands_cost_their_rounding_and_stay_with_weights_that_are_no_better(gpu: &Gpu) {
+    for (storage, least, most) in
+        [(WeightType::F32, 0.0, 2e-6), (WeightType::F16, 1e-5, 5e-4), (WeightType::I8, 1e-5, 5e-4)]
+    {
+        let (got, want) = compute(gpu, (70, 68, 520), storage, Activation::None, false, false, &|_| ());
+        let error = relative_error(&got, &want);
+        assert!((least..most).contains(&error), "{storage:?}: {error:.1e}");
     }
 }
 
-#[test]
-fn cooperative_tiles_match_the_oracle_through_their_stand_ins() {
-    let gpu = omnix_tests::gpu();
+fn cooperative_tiles_match_the_oracle_through_their_stand_ins(gpu: &Gpu) {
     let products = Cooperative { f16_16: true, f32_8: true };
-    let caps = gpu.caps.clone().with_tier(Tier::Gpu).with_subgroup(Some([32, 32])).with_cooperative(products);
-    let mut stand_ins = vec![(WeightType::F32, "cooperative_8", &shaders::STAND_IN_8_32)];
-    if caps.f16 {
+    let caps = gpu.caps.clone().with_subgroup(Some([32, 32])).with_cooperative(products);
+    let stand_ins = if caps.f16 {
         // Eight subgroups, of which four have nothing of their own to do, and two, which take two turns.
-        stand_ins.extend([
+        vec![
             (WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_16),
             (WeightType::F16, "cooperative_16_w16", &shaders::STAND_IN_16_64),
-        ]);
-    }
+        ]
+    } else {
+        vec![(WeightType::F32, "cooperative_8", &shaders::STAND_IN_8_32)]
+    };
     let gpu = gpu.with_caps(caps);
     for (storage, chosen, stand_in) in stand_ins {
         let change = |dispatch: &mut Dispatch| {
@@ -157,7 +150,6 @@ fn cooperative_tiles_match_the_oracle_through_their_stand_ins() {
     }
 }
 
-#[test]
 fn the_variant_follows_from_facts() {
     let caps = omnix_kernels::Caps::baseline().with_tier(Tier::Gpu);
     let both = Cooperative { f16_16: true, f32_8: true };
@@ -194,23 +186,18 @@ fn the_variant_follows_from_facts() {
     }
 }
 
-#[test]
-fn splitting_at_the_binding_limit_changes_no_bit() {
-    for gpu in devices() {
-        for storage in [WeightType::F32, WeightType::I8] {
-            let shape = (200, 100, 36);
-            let (whole, _) = case(&gpu, shape, storage, Activation::Gelu, true);
-            // 64 rows of 100 floats are 25,600 bytes; a column block of 36 k is 4,608.
-            let small = with_max_binding(&gpu, 32_768);
-            let (split, _) = case(&small, shape, storage, Activation::Gelu, true);
-            assert_eq!(whole, split, "{} {storage:?}", family(&gpu));
-        }
+fn splitting_at_the_binding_limit_changes_no_bit(gpu: &Gpu) {
+    for storage in [WeightType::F32, WeightType::I8] {
+        let shape = (200, 100, 36);
+        let (whole, _) = case(gpu, shape, storage, Activation::Gelu, true);
+        // 64 rows of 100 floats are 25,600 bytes; a column block of 36 k is 4,608.
+        let small = with_max_binding(gpu, 32_768);
+        let (split, _) = case(&small, shape, storage, Activation::Gelu, true);
+        assert_eq!(whole, split, "{} {storage:?}", family(gpu));
     }
 }
 
-#[test]
-fn uniform_windows_change_no_bit() {
-    let gpu = omnix_tests::gpu();
+fn uniform_windows_change_no_bit(gpu: &Gpu) {
     let forms = [32, 16].map(|registers| gpu.with_caps(gpu.caps.clone().with_vector_registers(registers)));
     // Several windows a column block, and several column blocks a window.
     for shape in [(70, 68, 2052), (40, 292, 36)] {
@@ -221,7 +208,6 @@ fn uniform_windows_change_no_bit() {
     }
 }
 
-#[test]
 fn a_row_above_the_binding_limit_is_an_error() {
     let weights = PackedWeights { k: 4096, n: 4, storage: WeightType::F32 };
     let spec = Linear { m: 100, weights, act: Activation::None, bias: false, gamma: false, residual: false };

@@ -3,15 +3,22 @@
 use omnix_kernels::pointwise::{Binary, Operand, Pointwise, Unary, Y};
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::{Gpu, cpu};
-use omnix_tests::{Rng, assert_close, gpu, tiers, with_max_binding};
+use omnix_tests::{Rng, Trial, assert_close, gpu, trials, with_max_binding};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "pointwise",
+        tiers: [unary_operations_match_the_oracle, extremes_stay_where_they_belong, binary_operations_broadcast, splitting_at_the_binding_limit_changes_no_bit],
+        once: [bad_operands_are_errors],
+    )
+}
 
 fn compute(gpu: &Gpu, spec: &Pointwise, a: &[f32], b: &[f32]) -> Vec<f32> {
     let args = [HostArg::F32(a), HostArg::F32(b), HostArg::Out(spec.n as usize)];
     run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs")
 }
 
-#[test]
-fn unary_operations_match_the_oracle() {
+fn unary_operations_match_the_oracle(gpu: &Gpu) {
     let all = [
         Unary::Relu,
         Unary::Neg,
@@ -40,22 +47,17 @@ fn unary_operations_match_the_oracle() {
             }
             let spec = Pointwise::unary(n, op);
             let want = cpu::pointwise(&spec, &a, &[]);
-            for gpu in tiers() {
-                let got = compute(&gpu, &spec, &a, &[0.0]);
-                assert_close(&format!("{} {op:?} of {n}", gpu.caps.tier), &got, &want, 2e-6);
-            }
+            let got = compute(gpu, &spec, &a, &[0.0]);
+            assert_close(&format!("{} {op:?} of {n}", gpu.caps.tier), &got, &want, 2e-6);
         }
     }
 }
 
-#[test]
-fn extremes_stay_where_they_belong() {
+fn extremes_stay_where_they_belong(gpu: &Gpu) {
     let a = [-1e30f32, -200.0, -100.0, -20.0, 0.0, 20.0, 100.0, 200.0];
-    for gpu in tiers() {
-        let gelu = compute(&gpu, &Pointwise::unary(8, Unary::Gelu), &a, &[0.0]);
-        assert_eq!(gelu, [0.0, 0.0, 0.0, 0.0, 0.0, 20.0, 100.0, 200.0], "{}", gpu.caps.tier);
-    }
-    let on = |op: Unary| compute(gpu(), &Pointwise::unary(8, op), &a, &[0.0]);
+    let gelu = compute(gpu, &Pointwise::unary(8, Unary::Gelu), &a, &[0.0]);
+    assert_eq!(gelu, [0.0, 0.0, 0.0, 0.0, 0.0, 20.0, 100.0, 200.0], "{}", gpu.caps.tier);
+    let on = |op: Unary| compute(gpu, &Pointwise::unary(8, op), &a, &[0.0]);
     let softplus = on(Unary::Softplus);
     assert!(softplus[..3].iter().all(|v| *v < 1e-38) && softplus[5..] == [20.0, 100.0, 200.0], "{softplus:?}");
     let tail = f64::from(softplus[3]) / (-20.0f64).exp();
@@ -66,8 +68,7 @@ fn extremes_stay_where_they_belong() {
     assert_eq!(on(Unary::Below { limit: 20.0 }), [1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
 }
 
-#[test]
-fn binary_operations_broadcast() {
+fn binary_operations_broadcast(gpu: &Gpu) {
     let all = [Binary::Add, Binary::Sub, Binary::Mul, Binary::Div, Binary::Max, Binary::Min];
     for (m, c) in [(1, 1), (3, 5), (7, 4), (5, 96), (33, 12), (64, 130), (300, 28), (90, 48)] {
         let n = m * c;
@@ -78,17 +79,14 @@ fn binary_operations_broadcast() {
             let b: Vec<f32> = rng.normal(by.len as usize).iter().map(|v| v + 0.1f32.copysign(*v)).collect();
             let spec = Pointwise::binary(n, op, by);
             let want = cpu::pointwise(&spec, &a, &b);
-            for gpu in tiers() {
-                let got = compute(&gpu, &spec, &a, &b);
-                assert_close(&format!("{} {op:?} {m}x{c} by {by:?}", gpu.caps.tier), &got, &want, 1e-6);
-            }
+            let got = compute(gpu, &spec, &a, &b);
+            assert_close(&format!("{} {op:?} {m}x{c} by {by:?}", gpu.caps.tier), &got, &want, 1e-6);
         }
     }
 }
 
-#[test]
-fn splitting_at_the_binding_limit_changes_no_bit() {
-    let small = with_max_binding(gpu(), 2048);
+fn splitting_at_the_binding_limit_changes_no_bit(gpu: &Gpu) {
+    let small = with_max_binding(gpu, 2048);
     // Those of 1000 and 999 have a b above the limit that repeats.
     for (n, by) in [
         (5000, Operand::same(5000)),
@@ -106,13 +104,12 @@ fn splitting_at_the_binding_limit_changes_no_bit() {
         let spec = Pointwise::binary(n, Binary::Mul, by);
         assert!(spec.record(&small.caps).expect("records").len() > 5);
         let want = cpu::pointwise(&spec, &a, &b);
-        let (whole, split) = (compute(gpu(), &spec, &a, &b), compute(&small, &spec, &a, &b));
+        let (whole, split) = (compute(gpu, &spec, &a, &b), compute(&small, &spec, &a, &b));
         assert_close(&format!("{n} {by:?}"), &whole, &want, 1e-6);
         assert_eq!(whole, split, "{n} {by:?}");
     }
 }
 
-#[test]
 fn bad_operands_are_errors() {
     let caps = &gpu().caps;
     assert!(Pointwise::binary(4, Binary::Add, Operand { div: 0, len: 4 }).record(caps).is_err());

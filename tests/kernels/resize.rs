@@ -3,7 +3,15 @@
 use omnix_kernels::resize::{Corners, Filter, Ratio, Resize, Y};
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, assert_close, tiers, with_max_binding};
+use omnix_tests::{Rng, Trial, assert_close, trials, with_max_binding};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "resize",
+        once: [bad_specifications_are_errors],
+        tiers: [long_sides_lose_no_precision, splitting_over_frames_and_bands_changes_no_bit, every_variant_matches_the_oracle],
+    )
+}
 
 fn case(gpu: &Gpu, spec: &Resize) -> (Vec<f32>, Vec<f32>) {
     let mut rng = Rng::new(u64::from(spec.hi * 7 + spec.c));
@@ -20,8 +28,7 @@ fn corners() -> [Corners; 3] {
     [Corners::Align, Corners::HalfPixel, Corners::HalfPixelScaled { rows: ratio(37.0 / 20.1), columns: ratio(0.4321) }]
 }
 
-#[test]
-fn every_variant_matches_the_oracle() {
+fn every_variant_matches_the_oracle(gpu: &Gpu) {
     // hi, wi, ho, wo, c: one, up, down, one output, wide, a tenth.
     let shapes = [
         [1, 1, 3, 2, 1],
@@ -40,73 +47,61 @@ fn every_variant_matches_the_oracle() {
         [5, 6, 9, 70, 32],
         [3, 50, 2, 5, 16],
     ];
-    for gpu in tiers() {
-        for [hi, wi, ho, wo, c] in shapes {
-            for filter in [Filter::Bilinear, Filter::Bicubic] {
-                for (frames, corners, code) in [
-                    (2, corners()[0], true),
-                    (1, corners()[0], false),
-                    (2, corners()[1], false),
-                    (1, corners()[2], true),
-                ] {
-                    let code = code && c % 2 == 0;
-                    let spec = Resize { frames, hi, wi, ho, wo, c, filter, corners, code };
-                    let (got, want) = case(&gpu, &spec);
-                    assert_close(&format!("{} {spec:?}", gpu.caps.tier), &got, &want, 1e-6);
-                }
+    for [hi, wi, ho, wo, c] in shapes {
+        for filter in [Filter::Bilinear, Filter::Bicubic] {
+            for (frames, corners, code) in
+                [(2, corners()[0], true), (1, corners()[0], false), (2, corners()[1], false), (1, corners()[2], true)]
+            {
+                let code = code && c % 2 == 0;
+                let spec = Resize { frames, hi, wi, ho, wo, c, filter, corners, code };
+                let (got, want) = case(gpu, &spec);
+                assert_close(&format!("{} {spec:?}", gpu.caps.tier), &got, &want, 1e-6);
             }
         }
     }
 }
 
-#[test]
-fn long_sides_lose_no_precision() {
-    for gpu in tiers() {
-        for corners in corners() {
-            // A ramp: the result shows the source coordinate itself.
-            let (n_in, n_out) = (1000, 9001);
-            let x: Vec<f32> = (0..n_in).map(|i| (i % 2) as f32).collect();
-            let spec = Resize {
-                frames: 1,
-                hi: 1,
-                wi: n_in,
-                ho: 1,
-                wo: n_out,
-                c: 1,
-                filter: Filter::Bilinear,
-                corners,
-                code: false,
-            };
-            let args = [HostArg::F32(&x), HostArg::F32(&[0.0]), HostArg::Out(n_out as usize)];
-            let got = run(&gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
-            let want = cpu::resize(&spec, &x, &[]);
-            let worst = got.iter().zip(&want).map(|(g, w)| (g - w).abs()).fold(0.0, f32::max);
-            assert!(worst < 1e-6, "{} {corners:?}: {worst}", gpu.caps.tier);
+fn long_sides_lose_no_precision(gpu: &Gpu) {
+    for corners in corners() {
+        // A ramp: the result shows the source coordinate itself.
+        let (n_in, n_out) = (1000, 9001);
+        let x: Vec<f32> = (0..n_in).map(|i| (i % 2) as f32).collect();
+        let spec = Resize {
+            frames: 1,
+            hi: 1,
+            wi: n_in,
+            ho: 1,
+            wo: n_out,
+            c: 1,
+            filter: Filter::Bilinear,
+            corners,
+            code: false,
+        };
+        let args = [HostArg::F32(&x), HostArg::F32(&[0.0]), HostArg::Out(n_out as usize)];
+        let got = run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
+        let want = cpu::resize(&spec, &x, &[]);
+        let worst = got.iter().zip(&want).map(|(g, w)| (g - w).abs()).fold(0.0, f32::max);
+        assert!(worst < 1e-6, "{} {corners:?}: {worst}", gpu.caps.tier);
+    }
+}
+
+fn splitting_over_frames_and_bands_changes_no_bit(gpu: &Gpu) {
+    for ([hi, wi, ho, wo, c], corners) in [
+        ([5, 6, 9, 11, 8], corners()[0]),
+        ([31, 9, 70, 14, 4], corners()[1]),
+        ([7, 2, 12, 3, 64], corners()[1]),
+        ([60, 11, 22, 5, 3], corners()[2]),
+    ] {
+        for filter in [Filter::Bilinear, Filter::Bicubic] {
+            let spec = Resize { frames: 3, hi, wi, ho, wo, c, filter, corners, code: c % 2 == 0 };
+            let (whole, _) = case(gpu, &spec);
+            let small = with_max_binding(gpu, 3072);
+            assert!(spec.record(&small.caps).expect("records").len() > 2);
+            assert_eq!(whole, case(&small, &spec).0, "{} {spec:?}", gpu.caps.tier);
         }
     }
 }
 
-#[test]
-fn splitting_over_frames_and_bands_changes_no_bit() {
-    for gpu in tiers() {
-        for ([hi, wi, ho, wo, c], corners) in [
-            ([5, 6, 9, 11, 8], corners()[0]),
-            ([31, 9, 70, 14, 4], corners()[1]),
-            ([7, 2, 12, 3, 64], corners()[1]),
-            ([60, 11, 22, 5, 3], corners()[2]),
-        ] {
-            for filter in [Filter::Bilinear, Filter::Bicubic] {
-                let spec = Resize { frames: 3, hi, wi, ho, wo, c, filter, corners, code: c % 2 == 0 };
-                let (whole, _) = case(&gpu, &spec);
-                let small = with_max_binding(&gpu, 3072);
-                assert!(spec.record(&small.caps).expect("records").len() > 2);
-                assert_eq!(whole, case(&small, &spec).0, "{} {spec:?}", gpu.caps.tier);
-            }
-        }
-    }
-}
-
-#[test]
 fn bad_specifications_are_errors() {
     let spec = Resize {
         frames: 1,

@@ -1,9 +1,18 @@
 //! `scatter` against its oracle.
 
-use omnix_kernels::run::{HostArg, execute, read, upload};
+use omnix_kernels::readback::read;
+use omnix_kernels::run::{HostArg, execute, upload};
 use omnix_kernels::scatter::{Scatter, Y};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, gpu, tiers, with_max_binding};
+use omnix_tests::{Rng, Trial, trials, with_max_binding};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "scatter",
+        tiers: [matches_the_oracle, a_target_above_the_binding_limit_is_seen_in_windows],
+        once: [a_row_above_the_binding_limit_is_an_error],
+    )
+}
 
 fn check(gpu: &Gpu, spec: &Scatter) -> usize {
     let mut rng = Rng::new(u64::from(spec.n + spec.c));
@@ -24,24 +33,19 @@ fn check(gpu: &Gpu, spec: &Scatter) -> usize {
     dispatches.len()
 }
 
-#[test]
-fn matches_the_oracle() {
+fn matches_the_oracle(gpu: &Gpu) {
     for [n, m, c] in [[1, 1, 1], [9, 5, 3], [20, 7, 4], [300, 100, 36], [64, 64, 130], [50, 33, 1024], [3, 20, 8]] {
-        for gpu in tiers() {
-            check(&gpu, &Scatter { n, m, c });
-        }
+        check(gpu, &Scatter { n, m, c });
     }
 }
 
-#[test]
-fn a_target_above_the_binding_limit_is_seen_in_windows() {
-    let small = with_max_binding(gpu(), 4096);
+fn a_target_above_the_binding_limit_is_seen_in_windows(gpu: &Gpu) {
+    let small = with_max_binding(gpu, 4096);
     for [n, m, c] in [[500, 90, 36], [900, 700, 5], [40, 9, 900]] {
         assert!(check(&small, &Scatter { n, m, c }) > 4);
     }
 }
 
-#[test]
 fn a_row_above_the_binding_limit_is_an_error() {
     let caps = Caps { max_binding: 1024, ..Caps::baseline() };
     assert!(Scatter { n: 2, m: 2, c: 1000 }.record(&caps).is_err());

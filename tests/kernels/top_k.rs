@@ -1,9 +1,18 @@
 //! `top_k` against its oracle.
 
-use omnix_kernels::run::{HostArg, execute, read, upload};
+use omnix_kernels::readback::read;
+use omnix_kernels::run::{HostArg, execute, upload};
 use omnix_kernels::top_k::{INDEX, MASK, TopK};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, gpu, with_max_binding};
+use omnix_tests::{Rng, Trial, trials, with_max_binding};
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "top_k",
+        device: [matches_the_oracle_with_and_without_ties, long_rows_are_right, special_values_have_their_order, splitting_at_the_binding_limit_changes_nothing],
+        once: [impossible_choices_are_errors],
+    )
+}
 
 fn check(gpu: &Gpu, spec: TopK, x: &[f32]) -> usize {
     let sizes = [(spec.rows * spec.k) as usize, (spec.rows * spec.n) as usize];
@@ -18,30 +27,27 @@ fn check(gpu: &Gpu, spec: TopK, x: &[f32]) -> usize {
     dispatches.len()
 }
 
-#[test]
-fn matches_the_oracle_with_and_without_ties() {
+fn matches_the_oracle_with_and_without_ties(gpu: &Gpu) {
     for [rows, n, k] in
         [[1, 1, 1], [3, 7, 1], [2, 7, 7], [4, 64, 10], [5, 65, 64], [2, 720, 72], [1, 1000, 999], [300, 9, 4]]
     {
         let mut rng = Rng::new(u64::from(n));
         let x = rng.normal((rows * n) as usize);
-        check(gpu(), TopK { rows, n, k, flat: false }, &x);
-        check(gpu(), TopK { rows, n, k, flat: true }, &x);
+        check(gpu, TopK { rows, n, k, flat: false }, &x);
+        check(gpu, TopK { rows, n, k, flat: true }, &x);
         let ties: Vec<f32> = x.iter().map(|v| (v * 2.0).round()).collect();
-        check(gpu(), TopK { rows, n, k, flat: false }, &ties);
-        check(gpu(), TopK { rows, n, k, flat: false }, &vec![0.25; x.len()]);
+        check(gpu, TopK { rows, n, k, flat: false }, &ties);
+        check(gpu, TopK { rows, n, k, flat: false }, &vec![0.25; x.len()]);
     }
 }
 
-#[test]
-fn long_rows_are_right() {
+fn long_rows_are_right(gpu: &Gpu) {
     let (n, k) = (100_000, 10_000);
     let x: Vec<f32> = Rng::new(1).normal(n).iter().map(|v| (v * 1000.0).round()).collect();
-    check(gpu(), TopK { rows: 1, n: n as u32, k, flat: false }, &x);
+    check(gpu, TopK { rows: 1, n: n as u32, k, flat: false }, &x);
 }
 
-#[test]
-fn special_values_have_their_order() {
+fn special_values_have_their_order(gpu: &Gpu) {
     let x = [
         f32::NAN,
         f32::NEG_INFINITY,
@@ -55,18 +61,16 @@ fn special_values_have_their_order() {
         f32::MIN,
     ];
     for k in 1..=10 {
-        check(gpu(), TopK { rows: 1, n: 10, k, flat: false }, &x);
+        check(gpu, TopK { rows: 1, n: 10, k, flat: false }, &x);
     }
 }
 
-#[test]
-fn splitting_at_the_binding_limit_changes_nothing() {
-    let small = with_max_binding(gpu(), 4096);
+fn splitting_at_the_binding_limit_changes_nothing(gpu: &Gpu) {
+    let small = with_max_binding(gpu, 4096);
     let x = Rng::new(3).normal(37 * 301);
     assert!(check(&small, TopK { rows: 37, n: 301, k: 30, flat: true }, &x) > 5);
 }
 
-#[test]
 fn impossible_choices_are_errors() {
     let caps = Caps { max_binding: 1024, ..Caps::baseline() };
     for [rows, n, k] in [[0, 4, 1], [1, 4, 5], [1, 4, 0]] {

@@ -4,9 +4,17 @@ use omnix_kernels::conv2d::Conv2d;
 use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::winograd::{Winograd, Y, transform};
 use omnix_kernels::{Activation, Caps, Gpu, PackedWeights, Tier, WeightType, cpu};
-use omnix_tests::{Rng, assert_close, gpu, with_max_binding};
+use omnix_tests::{Rng, Trial, assert_close, trials, with_max_binding};
 
 use crate::conv2d;
+
+pub(crate) fn trials() -> Vec<Trial> {
+    trials!(
+        "winograd",
+        software: [every_shape_matches_the_oracle, splitting_over_frames_changes_no_bit],
+        once: [only_what_is_right_and_faster_goes_this_way],
+    )
+}
 
 fn plain(frames: u32, size: [u32; 2], ci: u32, co: u32, padding: u32) -> Conv2d {
     conv2d::plain(frames, size, ci, co, [3, 3], 1, padding)
@@ -14,11 +22,6 @@ fn plain(frames: u32, size: [u32; 2], ci: u32, co: u32, padding: u32) -> Conv2d 
 
 fn full(spec: Conv2d, act: Activation) -> Conv2d {
     conv2d::full(spec, WeightType::F32, act)
-}
-
-/// The device, where it is one that these kernels are for.
-fn software() -> Option<&'static Gpu> {
-    Some(gpu()).filter(|gpu| gpu.caps.tier == Tier::Software)
 }
 
 /// Numbers of a convolution: x, weights, bias, residuals.
@@ -66,9 +69,7 @@ fn compute(gpu: &Gpu, conv: &Conv2d, numbers: &Numbers) -> Vec<f32> {
     run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs")
 }
 
-#[test]
-fn every_shape_matches_the_oracle() {
-    let Some(gpu) = software() else { return };
+fn every_shape_matches_the_oracle(gpu: &Gpu) {
     // Odd sizes, several frames, maps of one tile's width, several blocks and a part of one, all paddings, several bands.
     for spec in [
         plain(1, [1, 1], 8, 4, 1),
@@ -91,9 +92,7 @@ fn every_shape_matches_the_oracle() {
     }
 }
 
-#[test]
-fn splitting_over_frames_changes_no_bit() {
-    let Some(gpu) = software() else { return };
+fn splitting_over_frames_changes_no_bit(gpu: &Gpu) {
     let spec = full(plain(9, [64, 60], 80, 80, 1), Activation::Relu);
     // A frame is 1.2 MiB, the scratch of a band 8 MiB: all nine do not go at once.
     let small = with_max_binding(gpu, 17 << 19);
@@ -103,7 +102,6 @@ fn splitting_over_frames_changes_no_bit() {
     assert_eq!(compute(gpu, &spec, &numbers), compute(&small, &spec, &numbers));
 }
 
-#[test]
 fn only_what_is_right_and_faster_goes_this_way() {
     let caps = Caps { tier: Tier::Software, ..Caps::baseline() };
     let good = plain(1, [80, 144], 128, 128, 1);
