@@ -10,6 +10,7 @@ mod geometry;
 mod motion;
 mod network;
 mod preprocess;
+mod ready;
 
 use std::process::ExitCode;
 

@@ -14,7 +14,7 @@ use omnix::model::config::TrajectoryConfig;
 use omnix::model::{MotionSpec, SamplingSpec, TrajectorySpec, trajectory};
 
 use crate::case::{Case, Tensor};
-use crate::network::{Report, prepare};
+use crate::ready::{Report, prepare};
 
 /// Distance from the gate within which θ says nothing.
 const UNDECIDED: f32 = 1e-3;

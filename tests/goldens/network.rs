@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-use omnix::graph::{Bindings, Executable, Graph, Plan, PlanOptions, WeightStore};
+use omnix::graph::{Executable, Graph};
 use omnix::model::{BackboneSpec, HeadSpec, ModelError};
 use omnix::{Camera, OmnixError, ReferenceChoice, WeightType, Weights};
-use omnix_tests::gpu;
 
 use crate::case::{Case, Comparison, Tensor};
 use crate::collect::Folder;
 use crate::motion::{self, Before};
+use crate::ready::{Report, prepare};
 
 /// What is compared elsewhere or belongs to no part that exists: the trajectory module's ([`crate::motion`]), the Gaussian head's.
 const ELSEWHERE: &[&str] = &[
@@ -91,8 +91,6 @@ fn our_name(recorded: &str) -> String {
     }
 }
 
-pub(crate) type Report<'a> = &'a mut dyn FnMut(&str, &[f32], &[f32]);
-
 fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: Report<'_>) -> Result<(), String> {
     let images = case.get("in.images").or_else(|| case.get("in.image_normalised")).ok_or("no input images")?;
     let [.., count, 3, height, width] = images.shape[..] else {
@@ -144,12 +142,6 @@ fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: 
     compare(&wanted, &backbone, &head, count, report)?;
     decoded_cameras(case, &backbone, height, width, report)?;
     motion::run(weights, case, storage, &Before { backbone: &backbone, head: &head, times, grid }, report)
-}
-
-pub(crate) fn prepare(weights: &Weights, graph: &Graph, storage: WeightType) -> Result<Executable, OmnixError> {
-    let plan = Plan::new(graph, &gpu().caps, &PlanOptions { storage, ..PlanOptions::default() })?;
-    let store = WeightStore::load(gpu(), weights, &plan.weights, &mut |_, _| ControlFlow::Continue(()))?;
-    Ok(Executable::new(gpu(), plan, &store, &Bindings::default())?)
 }
 
 /// Recorded tensors of parts that exist, by our name.

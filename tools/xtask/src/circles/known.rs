@@ -22,5 +22,4 @@ pub(super) const KNOWN: &[(&str, &str)] = &[
     ("crates/omnix/src/session/on_device.rs", "crates/omnix/src/session.rs"),
     ("crates/omnix/src/session/readback.rs", "crates/omnix/src/session.rs"),
     ("crates/omnix/src/session/stages.rs", "crates/omnix/src/session/motion.rs"),
-    ("tests/goldens/network.rs", "tests/goldens/motion.rs"),
 ];
