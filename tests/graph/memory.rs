@@ -85,6 +85,6 @@ fn int8_is_for_linear_layers_and_counts_a_byte_a_weight() {
     let (conv, fc) = (64 * 64 * 9, 64 * 96);
     assert_eq!(bytes(WeightType::F32), (4 * conv, 4 * fc));
     assert_eq!(bytes(WeightType::F16), (2 * conv, 2 * fc));
-    // A scale of four bytes a column, rounded up to a binding's alignment.
+    // A scale of four bytes per column, rounded up to a binding's alignment.
     assert_eq!(bytes(WeightType::I8), (2 * conv, fc + 512));
 }

@@ -61,7 +61,7 @@ pub fn points_from_depth(
 pub fn points_from_rays(rays: &[f32], depth: &[f32]) -> Result<Vec<[f32; 3]>, GeometryError> {
     expect_length("ray map", depth.len() * 6, rays.len())?;
     let points = rays.as_chunks::<6>().0.iter().zip(depth);
-    // In f32, one rounding a step, as the network itself would.
+    // In f32, one rounding per step, as the network itself would.
     Ok(points.map(|([dx, dy, dz, ox, oy, oz], z)| [ox + z * dx, oy + z * dy, oz + z * dz]).collect())
 }
 

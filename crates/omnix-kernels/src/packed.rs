@@ -19,7 +19,7 @@ pub enum WeightType {
     F32,
     /// 2 bytes per weight, unpacked in the shader: needs no f16 feature.
     F16,
-    /// 1 byte a weight and a scale an output column, for linear layers; what else is stored as half precision stays [`Self::F16`].
+    /// 1 byte per weight and one scale per output column, for linear layers; what else is stored as half precision stays [`Self::F16`].
     I8,
 }
 

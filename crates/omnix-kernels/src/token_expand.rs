@@ -1,5 +1,5 @@
 //! `z[t, r, :] = q[r, :] · (1 + alpha[r] · scale[t, :]) + kappa[r] · shift[t, :]`: every token once for every target time,
-//! marked with that time's code. With a gain a token and no scale this is OmniX's expansion (spec, section 5.4); the rest
+//! marked with that time's code. With one gain per token and no scale this is OmniX's expansion (spec, section 5.4); the rest
 //! serves its AdaLN ablations (section 9).
 
 use bytemuck::{Pod, Zeroable};

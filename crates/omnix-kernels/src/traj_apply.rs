@@ -9,7 +9,7 @@ use omnix_shaders::traj_apply as shaders;
 use crate::cover::{cover, room};
 use crate::{Arg, Caps, Dispatch, KernelError};
 
-/// `[n, 9 T + 1]`: six of rotation and three of translation a time, then the motion score.
+/// `[n, 9 T + 1]`: six of rotation and three of translation per time, then the motion score.
 pub const TAU: Arg = Arg(0);
 /// World points `[n, 3]`.
 pub const POINTS: Arg = Arg(1);

@@ -1,5 +1,5 @@
 //! A [`Conv2d`] of 3×3, stride 1, on software devices by Winograd's F(4×4, 3×3) (Lavin and Gray 2016, section 4.2): 2¼
-//! multiplications a pixel, input and output channel, where the sum over taps has 9.
+//! multiplications per pixel, input and output channel, where the sum over taps has 9.
 //!
 //! Three passes over a band of tiles (4×4 pixels of y): the tiles of x are transformed, multiplied by the transformed
 //! weights, and transformed back. In between they lie in [`SCRATCH`], which is kept small enough for the processor's last cache.

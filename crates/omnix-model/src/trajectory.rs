@@ -16,7 +16,7 @@ pub struct TrajectorySpec {
     pub grid: (usize, usize),
     /// Field levels, M.
     pub levels: usize,
-    /// Sampling points a level, Q.
+    /// Sampling points per level, Q.
     pub points: usize,
     /// Target times of the field, T.
     pub all_times: usize,

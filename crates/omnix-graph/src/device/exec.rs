@@ -65,7 +65,8 @@ impl Executable {
         self.program.encode(&mut pass, self.fixed..self.program.len());
     }
 
-    /// Runs in submissions of moderate length and waits. After each, `progress` hears the operations submitted so far and all of
+    /// Runs in submissions of moderate length and waits. After each, `progress` is called with the operations submitted so far and
+    /// all of
     /// the run, and may break off; the device then has work, so what the host does there costs no time of its own.
     ///
     /// # Errors
@@ -134,7 +135,7 @@ impl<'a> Submissions<'a> {
         Ok(())
     }
 
-    /// Tells how far the run is, and hears whether to go on.
+    /// Reports how far the run is, and returns whether to go on.
     pub(crate) fn listen(&mut self) -> ControlFlow<()> {
         (self.progress)(self.done.min(self.total), self.total)
     }

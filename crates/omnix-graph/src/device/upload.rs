@@ -19,7 +19,7 @@ const BUFFER: u64 = 256 << 20;
 /// Bytes of a piece; a larger tensor is a piece of its own.
 const PIECE: u64 = 16 << 20;
 
-/// Hears of the bytes of each piece when it is written. May break off.
+/// Is called with the number of bytes of each piece once it is written; may stop the upload.
 pub(crate) type Written<'a> = &'a mut dyn FnMut(u64) -> ControlFlow<()>;
 
 /// Uploads `keys`; gives where each is, and the bytes of the buffers.

@@ -138,7 +138,7 @@ fn insert_text(png: &mut Vec<u8>, keyword: &str, text: &str) {
     png.splice(AFTER_HEADER..AFTER_HEADER, chunk);
 }
 
-/// CRC-32 of PNG (annex D), bit by bit: a few dozen bytes a file.
+/// CRC-32 of PNG (annex D), bit by bit: a few dozen bytes per file.
 fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, |crc, &byte| {
         (0..8).fold(crc ^ u32::from(byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))

@@ -25,11 +25,11 @@ pub(crate) const RIGID: usize = 9;
 pub enum TimeGain {
     /// Added.
     None,
-    /// Added, times a number of the token's own (at least 0).
+    /// Added, times one number per token (at least 0).
     PerToken,
     /// Scale and shift of the normalised token, both of the time alone.
     AdaLn,
-    /// The same, each times a number of the token's own.
+    /// The same, each times one number per token.
     TokenAdaLn,
 }
 
@@ -146,7 +146,7 @@ pub struct TrajectoryConfig {
     pub top_rounding: Rounding,
     /// Blocks whose queries see the image of their target time alone.
     pub same_time_blocks: Vec<usize>,
-    /// Blocks after which a field level is read off, one a level.
+    /// Blocks after which a field level is read off, one per level.
     pub field_blocks: Vec<usize>,
     /// What the field holds where no token was chosen.
     pub field_rest: [f32; RIGID],

@@ -1,4 +1,4 @@
-//! From the stream to the field (`spec/omnix.md` section 7): a few numbers a token, time and level, put back on the grid.
+//! From the stream to the field (`spec/omnix.md` section 7): a few numbers per token, time and level, put back on the grid.
 
 use omnix_graph::ops::Piece;
 use omnix_graph::{Graph, GraphError, Value};

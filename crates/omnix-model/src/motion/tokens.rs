@@ -132,7 +132,7 @@ pub(super) fn expand(
     Ok(g.name(z, "traj.z0"))
 }
 
-/// One number a token, at least 0.
+/// One number per token, at least 0.
 fn gain(g: &mut Graph, config: &TrajectoryConfig, q: Value) -> Result<Value, GraphError> {
     let ([first, second], at) = (config.scalar_widths(), root().pp("time_embed_scaling_mlp"));
     let x = linear(g, &at.pp(0), q, first)?;
