@@ -1,10 +1,10 @@
 //! Which crate may know which, checked over `cargo metadata`.
 //!
 //! ```text
-//! shaders <- kernels <- graph <- model <- omnix <- cli      weights <- model      geometry <- model, io
+//! shaders <- kernels <- graph <- model <- omnix <- cli      tensors <- weights <- model      geometry <- model, io      tensors <- io
 //! ```
 //! `a <- b`: b knows a. A crate may also use what lies further down its own arrows. Nobody depends on the program; `geometry`, `io`,
-//! `weights` and `shaders` never reach wgpu, not even through others.
+//! `tensors`, `weights` and `shaders` never reach wgpu, not even through others.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,14 +14,18 @@ use crate::metadata::{array, string};
 use crate::{Finding, XtaskError};
 
 /// Package, and the packages of ours that it may depend on (as a normal, build or dev dependency).
-const ARROWS: [(&str, &[&str]); 12] = [
+const ARROWS: [(&str, &[&str]); 13] = [
     ("omnix-shaders", &[]),
     ("omnix-kernels", &["omnix-shaders"]),
     ("omnix-graph", &["omnix-kernels", "omnix-shaders"]),
-    ("omnix-weights", &[]),
+    ("omnix-tensors", &[]),
+    ("omnix-weights", &["omnix-tensors"]),
     ("omnix-geometry", &[]),
-    ("omnix-io", &["omnix-geometry"]),
-    ("omnix-model", &["omnix-geometry", "omnix-graph", "omnix-kernels", "omnix-shaders", "omnix-weights"]),
+    ("omnix-io", &["omnix-geometry", "omnix-tensors"]),
+    (
+        "omnix-model",
+        &["omnix-geometry", "omnix-graph", "omnix-kernels", "omnix-shaders", "omnix-tensors", "omnix-weights"],
+    ),
     ("omnix", LIBRARIES),
     ("omnix-cli", ALL_BUT_CLI),
     ("omnix-tests", ALL_BUT_CLI),
@@ -30,8 +34,16 @@ const ARROWS: [(&str, &[&str]); 12] = [
 ];
 
 /// What the library is made of.
-const LIBRARIES: &[&str] =
-    &["omnix-geometry", "omnix-graph", "omnix-io", "omnix-kernels", "omnix-model", "omnix-shaders", "omnix-weights"];
+const LIBRARIES: &[&str] = &[
+    "omnix-geometry",
+    "omnix-graph",
+    "omnix-io",
+    "omnix-kernels",
+    "omnix-model",
+    "omnix-shaders",
+    "omnix-tensors",
+    "omnix-weights",
+];
 
 /// Nobody depends on the program: tests run it as a process.
 const ALL_BUT_CLI: &[&str] = &[
@@ -42,12 +54,13 @@ const ALL_BUT_CLI: &[&str] = &[
     "omnix-kernels",
     "omnix-model",
     "omnix-shaders",
+    "omnix-tensors",
     "omnix-weights",
     "xtask",
 ];
 
 /// Packages that run without a GPU and compile in seconds: they never reach [`DEVICE`].
-const NO_DEVICE: [&str; 4] = ["omnix-geometry", "omnix-io", "omnix-shaders", "omnix-weights"];
+const NO_DEVICE: [&str; 5] = ["omnix-geometry", "omnix-io", "omnix-shaders", "omnix-tensors", "omnix-weights"];
 const DEVICE: [&str; 3] = ["wgpu", "wgpu-core", "wgpu-hal"];
 
 /// All arrows between the workspace's packages are allowed ones, and those that run without a GPU never reach wgpu.
