@@ -1,9 +1,9 @@
 //! Conversion of F32, F16, BF16 and F64, whole and in pieces, aligned and not.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
-use half::f16;
-use omnix_weights::{Dtype, TensorFile, TensorView, find_non_finite};
+use omnix_tensors::{Dtype, Float, TensorError, TensorFile, TensorReader, TensorSpec, TensorView, TensorWriter};
 
 use crate::fixture;
 
@@ -34,31 +34,45 @@ fn every_type_converts_exactly() {
             assert_eq!(view.to_f32(), values, "{name} {n}");
             assert_eq!(*view.as_f32(), values, "{name} {n}");
             assert!(name == "f32" || matches!(view.as_f32(), Cow::Owned(_)), "{name} {n}");
-            assert_eq!(view.f32_iter().collect::<Vec<_>>(), values, "{name} {n}");
-            let mut halves = vec![f16::ZERO; n];
-            view.read_f16_into(0..n, &mut halves).unwrap();
-            assert!(halves.iter().zip(&values).all(|(h, v)| h.to_f32() == *v), "{name} {n}");
         }
     }
 }
 
 #[test]
 fn pieces_are_parts_of_the_whole() {
-    let (file, values) = all_types(3000);
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("all.safetensors");
+    let values = exact(3000);
+    let double: Vec<f64> = values.iter().map(|&v| f64::from(v)).collect();
+    let tensors = [
+        fixture::f32("f32", &[3000], &values),
+        fixture::f16("f16", &[3000], &values),
+        fixture::bf16("bf16", &[3000], &values),
+        fixture::f64("f64", &[3000], &double),
+    ];
+    std::fs::write(&path, fixture::file(&tensors, &[])).unwrap();
+    let reader = TensorReader::open(&path).unwrap();
     for name in ["f32", "f16", "bf16", "f64"] {
-        let view = file.tensor(name).unwrap();
         for range in [0..0, 0..1, 5..1500, 2999..3000, 3000..3000] {
-            let mut out = vec![f32::NAN; range.len()];
-            view.read_f32_into(range.clone(), &mut out).unwrap();
-            assert_eq!(out, values[range], "{name}");
+            assert_eq!(reader.read_f32(name, range.clone()).unwrap(), values[range], "{name}");
         }
-        for (range, places) in [(0..3001, 3001), (2999..3001, 2), (0..2, 3), (usize::MAX - 1..usize::MAX, 1)] {
-            assert!(view.read_f32_into(range.clone(), &mut vec![0.0; places]).is_err(), "{range:?}");
+        for range in [0..3001, 2999..3001, usize::MAX - 1..usize::MAX] {
+            assert!(matches!(reader.read_f32(name, range.clone()), Err(TensorError::BadRange { .. })), "{range:?}");
         }
         #[expect(clippy::reversed_empty_ranges, reason = "a caller may compute one")]
         let reversed = 4..2;
-        assert!(view.read_f32_into(reversed, &mut []).is_err());
+        assert!(reader.read_f32(name, reversed).is_err());
+        // Rows of 10 behind the first 100 numbers, in any order and again.
+        let rows = [7, 0, 289, 7];
+        let expected: Vec<f32> = rows.iter().flat_map(|r| &values[100 + 10 * r..110 + 10 * r]).copied().collect();
+        assert_eq!(reader.rows_f32(name, 100, 10, &rows.map(|r| r as u32)).unwrap(), expected, "{name}");
+        assert!(matches!(reader.rows_f32(name, 100, 10, &[290]), Err(TensorError::BadRange { .. })));
+        assert!(reader.rows_f32(name, 100, usize::MAX / 2, &[3]).is_err());
     }
+    assert!(matches!(reader.read_u32("f32", 0..1), Err(TensorError::WrongType { .. })));
+    let before = reader.bytes_read();
+    reader.rows_f32("f32", 0, 1, &[0, 2999]).unwrap();
+    assert_eq!(reader.bytes_read() - before, 8, "two numbers of four bytes");
 }
 
 #[test]
@@ -96,29 +110,39 @@ fn special_values_survive() {
 
 #[test]
 fn f16_storage_rounds_to_nearest_even() {
-    let values = [2049.0, 2051.0, 65519.0, 65520.0];
-    let file = fixture::file(&[fixture::f32("a", &[4], &values)], &[]);
-    let file = TensorFile::from_bytes(file.into(), "rounding").unwrap();
-    let mut out = [f16::ZERO; 4];
-    file.tensor("a").unwrap().read_f16_into(0..4, &mut out).unwrap();
-    assert_eq!(out.map(f16::to_f32), [2048.0, 2052.0, 65504.0, f32::INFINITY]);
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rounded.safetensors");
+    let specs = [TensorSpec::new("a", Dtype::F16, [5]), TensorSpec::new("b", Dtype::BF16, [1])];
+    let mut writer = TensorWriter::create(&path, &specs, &BTreeMap::new()).unwrap();
+    writer.write_f32("a", &[2049.0, 2051.0]).unwrap();
+    writer.write_f32("a", &[65519.0, f32::INFINITY, f32::NAN]).unwrap();
+    writer.write_f32("b", &[1.003_906_3]).unwrap();
+    let file = TensorFile::open(&writer.finish().unwrap()).unwrap();
+    let back = file.tensor("a").unwrap().to_f32();
+    assert_eq!(back[..4], [2048.0, 2052.0, 65504.0, f32::INFINITY]);
+    assert!(back[4].is_nan() && file.tensor("b").unwrap().to_f32() == [1.0]);
+
+    let mut writer = TensorWriter::create(&path, &specs, &BTreeMap::new()).unwrap();
+    writer.write_f32("a", &[0.0; 3]).unwrap();
+    let error = writer.write_f32("a", &[1.0, 65520.0]).unwrap_err().to_string();
+    assert!(error.starts_with("a[4] = 65520 does not fit in F16; store it as F32"), "{error}");
 }
 
 #[test]
 fn nan_and_infinity_are_found_with_their_place() {
     fn place(view: &TensorView<'_>) -> Option<usize> {
-        find_non_finite(view).map(|(index, _)| index)
+        view.examine().non_finite.map(|(index, _)| index)
     }
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        for at in [0, 4095, 4096, 9999] {
-            let mut values = exact(10_000);
+        for at in [0, 1023, 1024, 4096, 9999, 65_535, 65_536, 69_999] {
+            let mut values = exact(70_000);
             values[at] = bad;
             let double: Vec<f64> = values.iter().map(|&v| f64::from(v)).collect();
             let tensors = [
-                fixture::f32("f32", &[10_000], &values),
-                fixture::f16("f16", &[10_000], &values),
-                fixture::bf16("bf16", &[10_000], &values),
-                fixture::f64("f64", &[10_000], &double),
+                fixture::f32("f32", &[70_000], &values),
+                fixture::f16("f16", &[70_000], &values),
+                fixture::bf16("bf16", &[70_000], &values),
+                fixture::f64("f64", &[70_000], &double),
             ];
             let file = TensorFile::from_bytes(fixture::file(&tensors, &[]).into(), "bad").unwrap();
             for name in ["f32", "f16", "bf16", "f64"] {
@@ -126,12 +150,12 @@ fn nan_and_infinity_are_found_with_their_place() {
             }
         }
     }
-    let (file, _) = all_types(10_000);
+    let (file, _) = all_types(70_000);
     assert_eq!(place(&file.tensor("f32").unwrap()), None);
     // Finite as f64, not as f32.
     let large = fixture::file(&[fixture::f64("a", &[2], &[0.0, 1e300])], &[]);
     let large = TensorFile::from_bytes(large.into(), "large").unwrap();
-    assert_eq!(find_non_finite(&large.tensor("a").unwrap()), Some((1, f32::INFINITY)));
+    assert_eq!(large.tensor("a").unwrap().examine().non_finite, Some((1, f32::INFINITY)));
 }
 
 #[test]
@@ -140,6 +164,6 @@ fn other_types_are_refused_when_read() {
     let file = TensorFile::from_bytes(file.into(), "mixed").unwrap();
     let message = file.tensor("steps").unwrap_err().to_string();
     assert!(message.contains("steps") && message.contains("I64"), "{message}");
-    assert_eq!(file.tensor("a").unwrap().dtype, Dtype::F32);
+    assert_eq!(file.tensor("a").unwrap().dtype, Float::F32);
     assert_eq!(file.tensor_bytes("steps").unwrap(), 7i64.to_le_bytes());
 }

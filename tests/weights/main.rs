@@ -1,4 +1,4 @@
-//! Checkpoints: opening, conversion, names, the check against a manifest, and damaged files.
+//! Tensors and checkpoints: opening, conversion, writing, names, the check against a manifest, verification, damaged files.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
@@ -7,3 +7,6 @@ mod convert;
 mod corrupt;
 mod fixture;
 mod open;
+mod prefix;
+mod verify;
+mod writer;

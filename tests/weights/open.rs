@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use omnix_weights::{Checkpoint, WeightsError, describe, find_non_finite};
+use omnix_tensors::TensorError;
+use omnix_weights::{Checkpoint, WeightsError, describe};
 
 use crate::fixture;
 
@@ -69,10 +70,14 @@ fn prefixes_are_detected_or_configured() {
     // The file is right where the configuration is wrong.
     let wrong = Checkpoint::from_bytes("x", r#"{"key_prefix": "net."}"#, one("model.").into()).unwrap();
     assert_eq!(wrong.key_prefix(), "model.");
-    let mut strange = Checkpoint::from_bytes("x", "{}", one("strange.").into()).unwrap();
-    assert!(matches!(strange.tensor(CLS), Err(WeightsError::TensorMissing { .. })));
-    strange.set_key_prefix("strange.");
-    assert!(strange.tensor(CLS).is_ok());
+    // What training programs wrap around a network, known or not.
+    for wrapper in ["module.", "module.net.", "_orig_mod.model.", "strange."] {
+        let config = r#"{"key_prefix": "net."}"#;
+        let wrapped = Checkpoint::from_bytes("x", config, one(wrapper).into()).unwrap();
+        assert_eq!((wrapped.key_prefix(), wrapped.tensor(CLS).is_ok()), (wrapper, true));
+    }
+    let none = Checkpoint::from_bytes("x", "{}", fixture::raw("{}", &[]).into()).unwrap();
+    assert!(matches!(none.tensor(CLS), Err(WeightsError::TensorMissing { .. })));
 }
 
 #[test]
@@ -116,8 +121,11 @@ fn missing_things_are_named() {
 
     std::fs::write(folder.path().join("last.ckpt"), b"PK\x03\x04").unwrap();
     let error = open(folder.path());
-    assert!(matches!(&error, WeightsError::PyTorch { path } if path.ends_with("last.ckpt")), "{error}");
-    assert!(matches!(open(&folder.path().join("last.ckpt")), WeightsError::PyTorch { .. }));
+    assert!(
+        matches!(&error, WeightsError::Tensors(TensorError::PyTorch { path }) if path.ends_with("last.ckpt")),
+        "{error}"
+    );
+    assert!(matches!(open(&folder.path().join("last.ckpt")), WeightsError::Tensors(TensorError::PyTorch { .. })));
 
     std::fs::write(folder.path().join("case.safetensors"), one("")).unwrap();
     let message = open(folder.path()).to_string();
@@ -127,14 +135,16 @@ fn missing_things_are_named() {
     std::fs::write(&weights, one("")).unwrap();
     let error = open(&weights);
     assert!(matches!(&error, WeightsError::ConfigMissing { path } if path.ends_with("config.json")), "{error}");
-    for config in [&b"{"[..], b"[]", b"", b"\xff\xfe{}"] {
+    let long = format!("{{\"a\": [{}0]}}", "0,".repeat(1 << 20));
+    for config in [&b"{"[..], b"[]", b"", b"\xff\xfe{}", br#"{"a": {"b": 1, "b": 2}}"#, long.as_bytes()] {
         std::fs::write(folder.path().join("config.json"), config).unwrap();
         assert!(matches!(open(folder.path()), WeightsError::ConfigInvalid { .. }), "{config:?}");
     }
-    std::fs::write(folder.path().join("config.json"), "{}").unwrap();
-    Checkpoint::open(folder.path()).unwrap();
+    // With the byte-order mark that some editors put in front.
+    std::fs::write(folder.path().join("config.json"), "\u{feff}{\"model_name\": \"marked\"}").unwrap();
+    assert_eq!(Checkpoint::open(folder.path()).unwrap().name(), "marked");
     std::fs::write(&weights, b"").unwrap();
-    assert!(matches!(open(folder.path()), WeightsError::NotSafetensors { .. }));
+    assert!(matches!(open(folder.path()), WeightsError::Tensors(TensorError::NotSafetensors { .. })));
 }
 
 #[test]
@@ -177,7 +187,38 @@ fn published_layouts_open() {
         assert!(describe(&checkpoint).starts_with(seems), "{}", describe(&checkpoint));
         for (name, _) in checkpoint.tensors() {
             let view = checkpoint.tensor(name.strip_prefix(prefix).unwrap()).unwrap();
-            assert_eq!(find_non_finite(&view), None, "{name}");
+            assert_eq!(view.examine().non_finite, None, "{name}");
         }
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_are_refused_and_do_not_block() {
+    for name in ["config.json", "model.safetensors", "other.safetensors", "model.safetensors.index.json"] {
+        let folder = folder();
+        fixture::write(folder.path(), "{}", &one(""));
+        if name.contains("index") {
+            std::fs::remove_file(folder.path().join("model.safetensors")).unwrap();
+        }
+        let pipe = folder.path().join(name);
+        let _ = std::fs::remove_file(&pipe);
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let opened = if name.starts_with("other") { pipe } else { folder.path().to_owned() };
+        let error = Checkpoint::open(&opened).unwrap_err();
+        let pipe = matches!(&error, WeightsError::Tensors(TensorError::NotPlain { .. }));
+        assert!(pipe || matches!(error, WeightsError::NoWeights { .. }), "{name}: {error}");
+    }
+}
+
+#[test]
+fn an_index_names_a_tensor_once() {
+    let folder = folder();
+    std::fs::write(folder.path().join("config.json"), "{}").unwrap();
+    std::fs::write(folder.path().join("a.safetensors"), one("model.")).unwrap();
+    let full = format!("model.{CLS}");
+    let map = format!(r#"{{"weight_map": {{"{full}": "a.safetensors", "{full}": "b.safetensors"}}}}"#);
+    std::fs::write(folder.path().join("model.safetensors.index.json"), map).unwrap();
+    let error = Checkpoint::open(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("there twice"), "{error}");
 }

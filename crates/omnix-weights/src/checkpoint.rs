@@ -2,13 +2,15 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 
+use omnix_tensors::{Findings, TensorFile, TensorInfo, TensorView};
 use serde_json::Value;
 
 use crate::locate::{self, Weights};
-use crate::{TensorFile, TensorInfo, TensorView, WeightsError, names};
+use crate::verify::{Verification, Verified};
+use crate::{WeightsError, config, names};
 
 /// A network's configuration and its weights, in one file or in shards.
 #[derive(Debug)]
@@ -21,7 +23,7 @@ pub struct Checkpoint {
     prefix: String,
     name: String,
     path: PathBuf,
-    digest: OnceLock<String>,
+    verification: Verification,
 }
 
 impl Checkpoint {
@@ -45,7 +47,7 @@ impl Checkpoint {
             }
             Weights::Sharded { index, map } => open_shards(&index, &map)?,
         };
-        let config = locate::read_config(&located.config)?;
+        let config = config::read_config(&located.config)?;
         Ok(Self::assemble(config, files, index, name_of(path), path.to_owned()))
     }
 
@@ -56,7 +58,7 @@ impl Checkpoint {
     /// As [`Checkpoint::open`].
     pub fn from_bytes(name: &str, config: &str, weights: Cow<'static, [u8]>) -> Result<Self, WeightsError> {
         let path = Path::new(name);
-        let config = locate::parse_config(config, path)?;
+        let config = config::parse_config(config, path)?;
         let file = TensorFile::from_bytes(weights, name)?;
         let index = file.tensors().map(|(name, _)| (name.to_owned(), 0)).collect();
         Ok(Self::assemble(config, vec![file], index, name.to_owned(), path.to_owned()))
@@ -74,14 +76,10 @@ impl Checkpoint {
             metadata.extend(file.metadata().iter().map(|(k, v)| (k.clone(), v.clone())));
         }
         let configured = config.get("key_prefix").and_then(Value::as_str);
-        let holds = |full: &str| index.contains_key(full);
-        let prefix = match configured {
-            Some(prefix) if names::detect_prefix([prefix], &names::PROBES, holds).is_some() => prefix,
-            _ => names::detect_prefix(names::PREFIXES, &names::PROBES, holds).or(configured).unwrap_or(""),
-        };
-        let prefix = prefix.to_owned();
+        let stored: Vec<&str> = index.keys().map(String::as_str).collect();
+        let prefix = names::detect_prefix(configured, &stored).or(configured).unwrap_or("").to_owned();
         let name = config.get("model_name").and_then(Value::as_str).map_or(name, str::to_owned);
-        Self { config, files, index, metadata, prefix, name, path, digest: OnceLock::new() }
+        Self { config, files, index, metadata, prefix, name, path, verification: Verification::default() }
     }
 
     /// The parsed `config.json`, always an object.
@@ -114,31 +112,37 @@ impl Checkpoint {
         &self.files
     }
 
-    /// BLAKE3 of the weight files' bytes, one after the other in the order of their names, as lower-case hexadecimal.
-    ///
-    /// Reads everything once (on all processors), then remembers.
-    pub fn digest(&self) -> &str {
-        self.digest.get_or_init(|| {
-            let mut hasher = blake3::Hasher::new();
-            for file in &self.files {
-                file.in_pieces(&mut |piece| {
-                    hasher.update_rayon(piece);
-                });
-            }
-            hasher.finalize().to_hex().to_string()
-        })
+    /// Reads all files once, on all processors: their digest, and every number looked at. Done once and remembered; several may
+    /// ask at a time. None if `progress`, which is told bytes done and in all, broke off.
+    pub fn verify(&self, progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>) -> Option<&Verified> {
+        self.verification.run(&self.files, progress)
     }
 
-    /// The prefix of the stored names: the configuration's `key_prefix` where the file has such names, else the one of
-    /// [`names::PREFIXES`] that fits best.
+    /// What [`Checkpoint::verify`] found, if it has been called.
+    #[must_use]
+    pub fn verified(&self) -> Option<&Verified> {
+        self.verification.get()
+    }
+
+    /// What `verified`, of this checkpoint, found in a tensor, by logical name.
+    #[must_use]
+    pub fn findings(&self, verified: &Verified, name: &str) -> Findings {
+        let full = self.resolve(name);
+        let found = full.and_then(|full| Some(verified.of(*self.index.get(&full)?, &full)));
+        found.unwrap_or_default()
+    }
+
+    /// BLAKE3 of the weight files' bytes, one after the other in the order of their names, as lower-case hexadecimal: that of
+    /// [`Checkpoint::verify`].
+    pub fn digest(&self) -> &str {
+        self.verify(&mut |_, _| ControlFlow::Continue(())).map_or("", Verified::digest)
+    }
+
+    /// The prefix of the stored names: the configuration's `key_prefix` where the file has such names, else what stands in front
+    /// of the names that every network has ([`names::detect_prefix`]).
     #[must_use]
     pub fn key_prefix(&self) -> &str {
         &self.prefix
-    }
-
-    /// Replaces the detected prefix, for files whose names nothing else tells.
-    pub fn set_key_prefix(&mut self, prefix: &str) {
-        prefix.clone_into(&mut self.prefix);
     }
 
     /// The full name under which a logical name is stored, by way of an alias where the file dropped a shared tensor.
@@ -164,7 +168,7 @@ impl Checkpoint {
     pub fn tensor(&self, name: &str) -> Result<TensorView<'_>, WeightsError> {
         let full = self.resolve(name).unwrap_or_else(|| format!("{}{name}", self.prefix));
         match self.index.get(&full) {
-            Some(&file) => self.files[file].tensor(&full),
+            Some(&file) => Ok(self.files[file].tensor(&full)?),
             None => Err(WeightsError::TensorMissing { tensor: full, path: self.path.clone() }),
         }
     }
@@ -199,7 +203,7 @@ fn open_shards(
     let mut files = Vec::with_capacity(shards.len());
     for shard in &shards {
         let file = folder.join(shard);
-        if !file.is_file() {
+        if !file.exists() {
             return Err(WeightsError::ShardMissing { path: path.to_owned(), shard: (*shard).to_owned() });
         }
         files.push(TensorFile::open(&file)?);

@@ -1,9 +1,10 @@
 //! What can be wrong with a checkpoint. Every message names the thing and the cure, the path last.
 
-use std::ops::Range;
 use std::path::PathBuf;
 
-use crate::CheckReport;
+use omnix_tensors::TensorError;
+
+use crate::report::CheckReport;
 
 /// An error of opening, reading or checking a checkpoint.
 #[derive(Debug, thiserror::Error)]
@@ -41,57 +42,18 @@ pub enum WeightsError {
         reason: String,
     },
 
-    /// Reading failed.
-    #[error("cannot {action}: {}", path.display())]
-    Io {
-        /// What was tried.
-        action: &'static str,
-        /// The file or folder.
+    /// A file of tensors is absent, damaged or something else.
+    #[error(transparent)]
+    Tensors(#[from] TensorError),
+
+    /// The folder cannot be listed.
+    #[error("cannot list the folder: {}", path.display())]
+    Folder {
+        /// The folder.
         path: PathBuf,
         /// The system's answer.
         #[source]
         source: std::io::Error,
-    },
-
-    /// A PyTorch pickle: `.pt`, `.pth`, `.ckpt` or `.bin`.
-    #[error("a PyTorch checkpoint cannot be read directly; convert it to safetensors (names unchanged) first: {}", path.display())]
-    PyTorch {
-        /// The file.
-        path: PathBuf,
-    },
-
-    /// The bytes are something else.
-    #[error("not a safetensors file ({reason}); get the file again: {}", path.display())]
-    NotSafetensors {
-        /// The file.
-        path: PathBuf,
-        /// What was found instead.
-        reason: String,
-    },
-
-    /// The header parses but contradicts itself.
-    #[error("damaged safetensors header: tensor {tensor}: {reason}; get the file again: {}", path.display())]
-    BadHeader {
-        /// The file.
-        path: PathBuf,
-        /// The tensor whose entry is wrong.
-        tensor: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-
-    /// The file is shorter (or longer) than its header says.
-    #[error(
-        "the file is {}: its header says {expected} bytes, it has {found}; get it again: {}",
-        if found < expected { "truncated" } else { "longer than it should be" }, path.display()
-    )]
-    WrongLength {
-        /// The file.
-        path: PathBuf,
-        /// Bytes by the header.
-        expected: u64,
-        /// Bytes there are.
-        found: u64,
     },
 
     /// The index of a sharded checkpoint is wrong.
@@ -121,28 +83,6 @@ pub enum WeightsError {
         path: PathBuf,
     },
 
-    /// The tensor's element type is not a floating-point type this crate converts.
-    #[error("tensor {tensor} has type {dtype}; convert the checkpoint to F32, F16, BF16 or F64: {}", path.display())]
-    UnsupportedDtype {
-        /// The full name, prefix included.
-        tensor: String,
-        /// The type as the header writes it.
-        dtype: String,
-        /// The checkpoint.
-        path: PathBuf,
-    },
-
-    /// A range of elements that the tensor does not have, or a destination of another length.
-    #[error("elements {}..{} into {destination} places, of a tensor of {elements}", range.start, range.end)]
-    BadRange {
-        /// The range asked for.
-        range: Range<usize>,
-        /// Elements in the tensor.
-        elements: usize,
-        /// Length of the destination.
-        destination: usize,
-    },
-
     /// The tensors are not those of the expected network.
     #[error("the weights do not fit their configuration: {report}")]
     Mismatch {
@@ -151,9 +91,13 @@ pub enum WeightsError {
     },
 }
 
-impl WeightsError {
-    pub(crate) fn io(action: &'static str, path: &std::path::Path, source: std::io::Error) -> Self {
-        Self::Io { action, path: path.to_owned(), source }
+impl CheckReport {
+    /// The report itself when the network can be loaded, so that surplus tensors can be told.
+    ///
+    /// # Errors
+    /// [`WeightsError::Mismatch`] naming the first differences of each kind, their number, and what the file seems to be.
+    pub fn into_result(self) -> Result<Self, WeightsError> {
+        if self.is_usable() { Ok(self) } else { Err(WeightsError::Mismatch { report: Box::new(self) }) }
     }
 }
 

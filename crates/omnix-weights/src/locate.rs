@@ -5,9 +5,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
-use serde_json::Value;
+use omnix_tensors::TensorError;
 
-use crate::WeightsError;
+use crate::{WeightsError, config};
 
 /// The single file of an unsharded checkpoint.
 const SINGLE: &str = "model.safetensors";
@@ -39,7 +39,7 @@ pub(crate) fn locate(path: &Path) -> Result<Located, WeightsError> {
     if path.is_dir() {
         return locate_folder(path);
     }
-    if !path.is_file() {
+    if !path.exists() {
         return Err(WeightsError::NotFound { path: path.to_owned() });
     }
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -59,11 +59,12 @@ fn locate_folder(folder: &Path) -> Result<Located, WeightsError> {
         return Ok(Located { config, weights: read_index(&index)? });
     }
     // Name what is there instead: the message can then say what to do.
-    let entries = std::fs::read_dir(folder).map_err(|e| WeightsError::io("list the folder", folder, e))?;
+    let listing = |source| WeightsError::Folder { path: folder.to_owned(), source };
+    let entries = std::fs::read_dir(folder).map_err(listing)?;
     let mut found = BTreeSet::new();
     let mut pytorch = BTreeSet::new();
     for entry in entries {
-        let name = entry.map_err(|e| WeightsError::io("list the folder", folder, e))?.file_name();
+        let name = entry.map_err(listing)?.file_name();
         let extension = Path::new(&name).extension().unwrap_or_default().to_string_lossy().to_lowercase();
         if extension == "safetensors" {
             found.insert(name.to_string_lossy().into_owned());
@@ -72,49 +73,23 @@ fn locate_folder(folder: &Path) -> Result<Located, WeightsError> {
         }
     }
     match pytorch.first() {
-        Some(name) if found.is_empty() => Err(WeightsError::PyTorch { path: folder.join(name) }),
+        Some(name) if found.is_empty() => Err(TensorError::PyTorch { path: folder.join(name) }.into()),
         _ => Err(WeightsError::NoWeights { path: folder.to_owned(), found: found.into_iter().collect() }),
     }
 }
 
 fn read_index(path: &Path) -> Result<Weights, WeightsError> {
     let bad = |reason: &str| WeightsError::BadIndex { path: path.to_owned(), reason: reason.to_owned() };
-    let text = std::fs::read(path).map_err(|e| WeightsError::io("read the index of the weights", path, e))?;
-    let json: Value = serde_json::from_slice(&text).map_err(|e| bad(&e.to_string()))?;
-    let entries = json.get("weight_map").and_then(Value::as_object).ok_or_else(|| bad("it has no weight_map"))?;
-    let mut map = BTreeMap::new();
-    for (tensor, file) in entries {
-        let file = file.as_str().ok_or_else(|| bad("a file name is no string"))?;
+    let map = config::read_index(path)?;
+    for file in map.values() {
         // A shard is a neighbour of the index, never a path to elsewhere.
         let mut parts = Path::new(file).components();
         if !(matches!(parts.next(), Some(Component::Normal(_))) && parts.next().is_none()) {
             return Err(bad(&format!("{file:?} is no plain file name")));
         }
-        map.insert(tensor.clone(), file.to_owned());
     }
     if map.is_empty() {
         return Err(bad("its weight_map is empty"));
     }
     Ok(Weights::Sharded { index: path.to_owned(), map })
-}
-
-/// Reads and parses `config.json`, which must be a JSON object.
-pub(crate) fn read_config(path: &Path) -> Result<Value, WeightsError> {
-    match std::fs::read_to_string(path) {
-        Ok(text) => parse_config(&text, path),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            Err(WeightsError::ConfigMissing { path: path.to_owned() })
-        }
-        Err(e) if e.kind() == std::io::ErrorKind::InvalidData => {
-            Err(WeightsError::ConfigInvalid { path: path.to_owned(), reason: "it is not UTF-8 text".to_owned() })
-        }
-        Err(e) => Err(WeightsError::io("read the configuration", path, e)),
-    }
-}
-
-/// Parses the text of a `config.json`.
-pub(crate) fn parse_config(text: &str, path: &Path) -> Result<Value, WeightsError> {
-    let invalid = |reason: String| WeightsError::ConfigInvalid { path: path.to_owned(), reason };
-    let config: Value = serde_json::from_str(text).map_err(|e| invalid(e.to_string()))?;
-    if config.is_object() { Ok(config) } else { Err(invalid("it is no object".to_owned())) }
 }

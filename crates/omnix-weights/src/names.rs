@@ -60,22 +60,27 @@ impl Display for Scope {
     }
 }
 
-/// The one of `candidates` under which most of the `expected` logical names are stored, by `contains(full name)`; the
-/// first on ties. None when no candidate gives a hit.
-pub fn detect_prefix<'a>(
-    candidates: impl IntoIterator<Item = &'a str>,
-    expected: &[&str],
-    contains: impl Fn(&str) -> bool,
-) -> Option<&'a str> {
-    let mut best = None;
-    let mut most = 0;
-    for prefix in candidates {
-        let hits = expected.iter().filter(|name| contains(&format!("{prefix}{name}"))).count();
-        if hits > most {
-            (best, most) = (Some(prefix), hits);
-        }
+/// The prefix under which most of [`PROBES`] are among the `stored` names; none if not one is there.
+///
+/// On ties the configured one, then those of [`PREFIXES`], then one that ends with one of those (training programs wrap networks
+/// and save `module.net.…`), then the shortest.
+#[must_use]
+pub fn detect_prefix<'a>(configured: Option<&'a str>, stored: &[&'a str]) -> Option<&'a str> {
+    let ends_as = |full: &'a str, probe: &str| {
+        // A whole name: `x.cls_token` is not behind the prefix `x`.
+        full.strip_suffix(probe).filter(|prefix| prefix.is_empty() || prefix.ends_with('.'))
+    };
+    let mut hits: BTreeMap<&str, usize> = BTreeMap::new();
+    for prefix in stored.iter().flat_map(|full| PROBES.iter().filter_map(|probe| ends_as(full, probe))) {
+        *hits.entry(prefix).or_default() += 1;
     }
-    best
+    let known = |fits: &dyn Fn(&str) -> bool| PREFIXES.iter().position(|p| fits(p)).unwrap_or(PREFIXES.len());
+    let rank = |prefix: &str| {
+        let wrapped = |p: &str| !p.is_empty() && prefix.ends_with(p);
+        (configured != Some(prefix), known(&|p| p == prefix), known(&wrapped), prefix.len())
+    };
+    // The last of equals is taken: `BTreeMap` goes through names in order, which makes the choice one of names alone.
+    hits.into_iter().max_by_key(|(prefix, hits)| (*hits, std::cmp::Reverse(rank(prefix)))).map(|(prefix, _)| prefix)
 }
 
 /// Where a tensor that a file left out is stored instead.
@@ -108,10 +113,27 @@ mod tests {
 
     #[test]
     fn the_prefix_with_most_hits_wins() {
-        let stored = ["net.a", "net.b", "a"];
-        let found = detect_prefix(PREFIXES, &["a", "b"], |n| stored.contains(&n));
-        assert_eq!(found, Some("net."));
-        assert_eq!(detect_prefix(PREFIXES, &["c"], |n| stored.contains(&n)), None);
+        let named =
+            |prefix: &str, probes: usize| PROBES[..probes].iter().map(|p| format!("{prefix}{p}")).collect::<Vec<_>>();
+        let detect = |configured: Option<&'static str>, parts: &[(&str, usize)]| {
+            let stored: Vec<String> = parts.iter().flat_map(|(prefix, probes)| named(prefix, *probes)).collect();
+            let stored: Vec<&str> = stored.iter().map(String::as_str).collect();
+            detect_prefix(configured, &stored).map(str::to_owned)
+        };
+        assert_eq!(detect(None, &[("net.", 2), ("", 1)]).as_deref(), Some("net."));
+        assert_eq!(detect(None, &[("other.", 0)]), None);
+        for wrapped in ["module.", "module.net.", "_orig_mod.model.", "anything."] {
+            assert_eq!(detect(None, &[(wrapped, 4)]).as_deref(), Some(wrapped));
+        }
+        // A copy of averaged weights beside the network, and the two networks of a nested one.
+        assert_eq!(detect(None, &[("ema.net.", 4), ("net.", 4)]).as_deref(), Some("net."));
+        assert_eq!(detect(None, &[("model.da3.", 4), ("model.da3_metric.", 4)]).as_deref(), Some("model.da3."));
+        let nested = [("module.model.da3.", 4), ("module.model.da3_metric.", 4)];
+        assert_eq!(detect(None, &nested).as_deref(), Some("module.model.da3."));
+        // The configuration decides between equals, and not against the file.
+        assert_eq!(detect(Some("b."), &[("net.", 4), ("b.", 4)]).as_deref(), Some("b."));
+        assert_eq!(detect(Some("net."), &[("model.", 4)]).as_deref(), Some("model."));
+        assert_eq!(detect_prefix(None, &["xbackbone.pretrained.cls_token"]), None);
     }
 
     #[test]

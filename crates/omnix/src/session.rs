@@ -79,7 +79,7 @@ const FLUSH: u64 = 4 << 20;
 pub(crate) type Listener<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
 
 impl Session {
-    /// Uploads the weights, or, if the plan does not keep them, looks them through, and allocates the backbone. Meanwhile, and
+    /// Uploads the weights (or only verifies them, if the plan streams them) and allocates the backbone. Meanwhile, and
     /// while the first stages run, up to four threads make the pipelines of all stages (on lavapipe one of them submits a dispatch of
     /// nothing and waits for it).
     ///

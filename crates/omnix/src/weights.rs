@@ -1,13 +1,14 @@
 //! A checkpoint with its network: found, opened, checked name by name before anything runs.
 
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use omnix_graph::ParameterSource;
+use omnix_graph::{ParameterSource, WeightKey};
 use omnix_model::config::NetworkConfig;
 use omnix_model::{Network, Parts};
-use omnix_weights::{CheckReport, Checkpoint};
+use omnix_weights::{CheckReport, Checkpoint, Verified};
 use rayon::prelude::*;
 
 use crate::error::OmnixError;
@@ -54,17 +55,14 @@ impl Weights {
     /// # Errors
     /// As [`Weights::open`].
     pub fn find(name_or_path: &str) -> Result<Self, OmnixError> {
-        if name_or_path == BUILTIN && !Path::new(BUILTIN).exists() {
-            return Self::builtin();
+        if name_or_path != BUILTIN || Path::new(BUILTIN).exists() {
+            return Self::open(Path::new(name_or_path));
         }
-        Self::open(Path::new(name_or_path))
+        Self::builtin()
     }
 
-    fn of(mut checkpoint: Checkpoint) -> Result<Self, OmnixError> {
+    fn of(checkpoint: Checkpoint) -> Result<Self, OmnixError> {
         let config = NetworkConfig::from_json(checkpoint.config_json())?;
-        if let Some(prefix) = config.key_prefix() {
-            checkpoint.set_key_prefix(prefix);
-        }
         // A network with trajectories must have all it needs for them, whatever a run will ask.
         let parts = Parts { motion: config.trajectory.is_some(), ..Parts::default() };
         let report = omnix_weights::check(&checkpoint, &omnix_model::manifest(&config, &parts)).into_result()?;
@@ -100,34 +98,36 @@ impl Weights {
         self.note
     }
 
-    /// Looks at every number of every tensor.
+    /// Reads the files once, on all processors, and checks what `keys` need of them: finite numbers, which fit the type they will be
+    /// stored as. `progress` is told bytes read and in all.
     ///
     /// # Errors
-    /// [`OmnixError::NonFinite`] for the first that is none.
-    pub fn check_numbers(&self) -> Result<(), OmnixError> {
-        for file in self.checkpoint.files() {
-            for (name, _) in file.tensors() {
-                let view = file.tensor(name)?;
-                finite(name, omnix_weights::find_non_finite(&view))?;
-                file.release(name);
-            }
+    /// [`OmnixError::NonFinite`] or [`omnix_graph::GraphError::DoesNotFit`] for the first tensor by name; `progress` broke off.
+    pub(crate) fn verify(
+        &self,
+        keys: &[WeightKey],
+        progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+    ) -> Result<(), OmnixError> {
+        let verified = self.checkpoint.verify(progress).ok_or(OmnixError::Interrupted)?;
+        let mut sorted: Vec<&WeightKey> = keys.iter().collect();
+        sorted.sort_by(|a, b| a.parameter.name.cmp(&b.parameter.name));
+        sorted.into_iter().try_for_each(|key| self.check(key, verified))
+    }
+
+    fn check(&self, key: &WeightKey, verified: &Verified) -> Result<(), OmnixError> {
+        let name = &key.parameter.name;
+        let found = self.checkpoint.findings(verified, name);
+        finite(name, found.non_finite)?;
+        if found.beyond_f16.is_some() && key.is_half() {
+            // Rare. The key may be a block of the tensor that is elsewhere: only packing tells.
+            let numbers = self.checkpoint.tensor(name)?.as_f32();
+            key.check(&numbers)?;
         }
         Ok(())
     }
-
-    /// Looks at every number of one tensor, without keeping any.
-    ///
-    /// # Errors
-    /// When it is missing, or [`OmnixError::NonFinite`].
-    pub(crate) fn check_tensor(&self, name: &str) -> Result<(), OmnixError> {
-        let view = self.checkpoint.tensor(name)?;
-        let found = omnix_weights::find_non_finite(&view);
-        self.checkpoint.release(name);
-        finite(name, found)
-    }
 }
 
-/// Where the first number is that is none. Pieces are looked through without a branch, so that it is done many at a time.
+/// Index of the first value that is NaN or infinite. Pieces are examined without a branch, so that it is done many at a time.
 fn first_bad(numbers: &[f32]) -> Option<usize> {
     const PIECE: usize = 1 << 16;
     let piece = numbers.par_chunks(PIECE).position_first(|p| !p.iter().fold(true, |good, v| good & v.is_finite()))?;
@@ -141,7 +141,11 @@ fn finite(name: &str, found: Option<(usize, f32)>) -> Result<(), OmnixError> {
 impl ParameterSource for Weights {
     fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>> {
         let numbers = self.checkpoint.tensor(name).map_err(OmnixError::from)?.as_f32();
-        let bad = first_bad(&numbers).map(|i| (i, numbers[i]));
+        // What was verified is not looked at again.
+        let bad = match self.checkpoint.verified() {
+            Some(verified) => self.checkpoint.findings(verified, name).non_finite,
+            None => first_bad(&numbers).map(|i| (i, numbers[i])),
+        };
         finite(name, bad)?;
         Ok(numbers)
     }

@@ -61,12 +61,13 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     let since = Instant::now();
     stop::listen();
     let mut job = Job::new(&args.inputs, &args.run, ui)?;
-    // The manifest will name the weights' digest; while the driver starts, processors are idle. Without a thread it is taken then.
+    // The weights are verified, which gives the digest for the manifest too, while the driver starts and processors are idle.
+    // Without a thread that is done when the session is made.
     let weights = job.weights.clone();
-    let digest = move || {
-        weights.checkpoint().digest();
+    let verify = move || {
+        weights.checkpoint().verify(&mut |_, _| stop::flow());
     };
-    let _ = std::thread::Builder::new().name("digest".to_owned()).spawn(digest);
+    let _ = std::thread::Builder::new().name("verify".to_owned()).spawn(verify);
     let engine = args.run.device.open()?;
     let info = engine.info();
     let cpu = engine.gpu().device.adapter_info().device_type == omnix::wgpu::DeviceType::Cpu;

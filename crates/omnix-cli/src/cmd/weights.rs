@@ -1,10 +1,11 @@
 //! `omnix weights info` and `omnix weights check`.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use clap::{Args, Subcommand};
-use omnix::checkpoint::{CheckReport, Checkpoint, WeightsError, describe, find_non_finite};
+use omnix::checkpoint::{CheckReport, Checkpoint, WeightsError, describe};
 use omnix::{OmnixError, Weights};
 use serde_json::{Value, json};
 
@@ -105,8 +106,8 @@ fn info(args: &WeightsArgs, ui: &mut Ui) -> Result<(), CliError> {
     ui::print(&lines.join("\n"))
 }
 
-/// A tensor that is not all numbers.
-struct Damaged {
+/// The first number of a tensor that cannot be used, or not in some way.
+struct Odd {
     name: String,
     index: usize,
     value: f32,
@@ -126,12 +127,12 @@ fn check(args: &WeightsArgs, ui: &mut Ui) -> Result<(), CliError> {
         }
         Err(error) => return Err(error.into()),
     };
-    let damaged = scan(checkpoint);
+    let (damaged, large) = scan(checkpoint);
     let problems = report.missing.len() + report.wrong_shape.len() + report.unsupported.len() + damaged.len();
     if ui.json() {
-        ui.event("check", as_json(report, &damaged, problems));
+        ui.event("check", as_json(report, &damaged, &large, problems));
     } else {
-        ui::print(&as_text(checkpoint, report, &damaged, problems))?;
+        ui::print(&as_text(checkpoint, report, (&damaged, &large), problems))?;
     }
     if problems > 0 {
         return Err(CliError::BadWeights { problems, path: report.path.clone() });
@@ -139,36 +140,41 @@ fn check(args: &WeightsArgs, ui: &mut Ui) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Every tensor with a NaN or infinity. Tensors of other types than floats hold none.
-fn scan(checkpoint: &Checkpoint) -> Vec<Damaged> {
-    let mut damaged = Vec::new();
-    for file in checkpoint.files() {
-        for (name, _) in file.tensors() {
-            let Ok(view) = file.tensor(name) else { continue };
-            if let Some((index, value)) = find_non_finite(&view) {
-                damaged.push(Damaged { name: name.to_owned(), index, value });
-            }
-        }
+/// Every tensor with a NaN or infinity, and those with finite numbers that f16 cannot hold. Tensors of other types than floats
+/// have neither.
+fn scan(checkpoint: &Checkpoint) -> (Vec<Odd>, Vec<Odd>) {
+    let (mut damaged, mut large) = (Vec::new(), Vec::new());
+    let verified = checkpoint.verify(&mut |_, _| ControlFlow::Continue(()));
+    for (name, found) in verified.into_iter().flat_map(|verified| verified.findings()) {
+        let odd = |(index, value)| Odd { name: name.to_owned(), index, value };
+        damaged.extend(found.non_finite.map(odd));
+        large.extend(found.beyond_f16.map(odd));
     }
-    damaged
+    (damaged, large)
 }
 
-fn as_json(report: &CheckReport, damaged: &[Damaged], problems: usize) -> Value {
+fn as_json(report: &CheckReport, damaged: &[Odd], large: &[Odd], problems: usize) -> Value {
     let shapes: Vec<Value> = report
         .wrong_shape
         .iter()
         .map(|w| json!({ "name": w.name, "expected": w.expected, "found": w.found }))
         .collect();
-    let bad: Vec<Value> =
-        damaged.iter().map(|d| json!({ "name": d.name, "index": d.index, "value": d.value.to_string() })).collect();
+    let listed = |odd: &[Odd]| -> Vec<Value> {
+        odd.iter().map(|d| json!({ "name": d.name, "index": d.index, "value": d.value.to_string() })).collect()
+    };
     json!({
         "ok": problems == 0, "problems": problems, "seems": report.seems, "path": report.path, "missing": report.missing,
-        "wrong_shape": shapes, "unsupported": report.unsupported, "not_finite": bad, "surplus": report.surplus,
+        "wrong_shape": shapes, "unsupported": report.unsupported, "not_finite": listed(damaged), "beyond_f16": listed(large), "surplus": report.surplus,
         "ignored": report.ignored,
     })
 }
 
-fn as_text(checkpoint: &Checkpoint, report: &CheckReport, damaged: &[Damaged], problems: usize) -> String {
+fn as_text(
+    checkpoint: &Checkpoint,
+    report: &CheckReport,
+    (damaged, large): (&[Odd], &[Odd]),
+    problems: usize,
+) -> String {
     let mut lines = vec![format!("{}: {}", checkpoint.name(), report.seems)];
     lines.extend(report.missing.iter().map(|name| format!("missing      {name}")));
     let shape = |w: &omnix::checkpoint::WrongShape| {
@@ -177,6 +183,8 @@ fn as_text(checkpoint: &Checkpoint, report: &CheckReport, damaged: &[Damaged], p
     lines.extend(report.wrong_shape.iter().map(shape));
     lines.extend(report.unsupported.iter().map(|(name, dtype)| format!("wrong type   {name}: {dtype}")));
     lines.extend(damaged.iter().map(|d| format!("not finite   {}: {} at element {}", d.name, d.value, d.index)));
+    let beyond = |d: &Odd| format!("beyond f16   {}: {} at element {}; store it as f32", d.name, d.value, d.index);
+    lines.extend(large.iter().map(beyond));
     lines.extend(report.surplus.iter().map(|name| format!("surplus      {name}")));
     lines.push(format!("left out     {} tensor(s) of parts that are not run", report.ignored.len()));
     let count = checkpoint.tensors().count();

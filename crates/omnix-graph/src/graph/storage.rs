@@ -94,13 +94,28 @@ impl WeightKey {
                 }
             }
         };
+        // Packing knows a place in the matrix; a reader of the message looks for one in the checkpoint's tensor.
         packed.map_err(|found| {
-            // Packing knows a place in the matrix; a reader of the message looks for one in the checkpoint's tensor.
-            let within = data.iter().position(|v| !fits_f16(*v));
-            let place = within.map_or_else(|| vec![found.n, found.k], |at| self.parameter.indices(at));
-            let value = within.map_or(found.value, |at| data[at]);
-            GraphError::DoesNotFit { name: self.parameter.name.to_string(), place, value }
+            self.misfit(&data).unwrap_or_else(|| self.does_not_fit(vec![found.n, found.k], found.value))
         })
+    }
+
+    /// Whether all numbers of the checkpoint's tensor can be stored, without storing them.
+    ///
+    /// # Errors
+    /// [`GraphError::DoesNotFit`] for the first that is finite and would be stored as infinity.
+    pub fn check(&self, all: &[f32]) -> Result<(), GraphError> {
+        if self.is_half() { self.misfit(&self.parameter.block(all)).map_or(Ok(()), Err) } else { Ok(()) }
+    }
+
+    /// The error for the first number of the block that is finite and infinite as f16.
+    fn misfit(&self, data: &[f32]) -> Option<GraphError> {
+        let at = data.iter().position(|v| !fits_f16(*v))?;
+        Some(self.does_not_fit(self.parameter.indices(at), data[at]))
+    }
+
+    fn does_not_fit(&self, place: Vec<usize>, value: f32) -> GraphError {
+        GraphError::DoesNotFit { name: self.parameter.name.to_string(), place, value }
     }
 
     /// Whether numbers are stored as f16, so that magnitudes from 65520 on do not fit.

@@ -1,22 +1,17 @@
 //! The stages on the device: with weights that stay as long as the session, with weights of their own, or, where a stage runs
 //! once, with weights that pass through.
 
-use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Deref};
 
 use omnix_graph::WeightKey;
 use omnix_graph::{Bindings, Executable, GraphError, Plan, Streamed, Tensors, WeightStore};
 use omnix_kernels::Gpu;
-use rayon::prelude::*;
 
 use super::Listener;
 use crate::error::OmnixError;
 use crate::plan::RunPlan;
 use crate::progress::{Phase, Progress};
 use crate::weights::Weights;
-
-/// Bytes of weights that are looked through between two reports.
-const LOOKED_THROUGH: u64 = 64 << 20;
 
 /// The weights of a session.
 #[derive(Debug)]
@@ -37,8 +32,8 @@ pub(super) enum OnDevice {
 }
 
 impl SessionWeights {
-    /// Uploads all weights if they stay. If not, all are looked through for numbers that are none, so that no work is lost to a
-    /// damaged file later.
+    /// Uploads all weights if they stay. If not, all are verified, so that no work is lost to a damaged file later: for values that
+    /// are NaN or infinite, or would be as they are stored.
     pub(super) fn new(
         gpu: &Gpu,
         weights: &Weights,
@@ -50,7 +45,7 @@ impl SessionWeights {
         let kept = if plan.request.keep_weights {
             Some(WeightStore::load(gpu, weights, &keys, &mut report)?)
         } else {
-            look_through(weights, &keys, &mut report)?;
+            weights.verify(&keys, &mut report)?;
             None
         };
         Ok(Self { gpu: gpu.clone(), weights: weights.clone(), kept })
@@ -102,30 +97,4 @@ impl Deref for OnDevice {
             Self::Streamed(streamed, _) => streamed,
         }
     }
-}
-
-/// An error where a number is none. Hears of bytes as they will be stored.
-fn look_through(
-    weights: &Weights,
-    keys: &[WeightKey],
-    report: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
-) -> Result<(), OmnixError> {
-    let mut sizes: BTreeMap<&str, u64> = BTreeMap::new();
-    keys.iter().for_each(|key| *sizes.entry(&key.parameter.name).or_default() += key.bytes());
-    let total = sizes.values().sum();
-    let (mut done, mut group) = (0, Vec::new());
-    let mut left = sizes.len();
-    for (name, bytes) in sizes {
-        group.push(name);
-        (done, left) = (done + bytes, left - 1);
-        if left > 0 && done / LOOKED_THROUGH == (done - bytes) / LOOKED_THROUGH {
-            continue;
-        }
-        let bad = group.par_drain(..).find_map_first(|name| weights.check_tensor(name).err());
-        bad.map_or(Ok(()), Err)?;
-        if report(done, total).is_break() {
-            return Err(OmnixError::Interrupted);
-        }
-    }
-    Ok(())
 }
