@@ -168,7 +168,10 @@ fn library_code(error: &OmnixError) -> u8 {
         OmnixError::Graph(GraphError::TensorTooLarge { .. }) | OmnixError::Budget { .. } => 5,
         OmnixError::Graph(GraphError::Parameter { .. } | GraphError::DoesNotFit { .. }) => 3,
         OmnixError::Model(omnix::model::ModelError::Request { .. }) => 2,
-        OmnixError::Model(_) | OmnixError::Weights(_) | OmnixError::NonFinite { .. } => 3,
+        OmnixError::Model(_)
+        | OmnixError::Weights(_)
+        | OmnixError::NotBuiltIn { .. }
+        | OmnixError::NonFinite { .. } => 3,
         OmnixError::Io(io) => file_code(io),
         OmnixError::Request { .. } | OmnixError::NoMotion { .. } | OmnixError::Query { .. } => 2,
         OmnixError::Interrupted => 130,

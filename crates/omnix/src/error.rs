@@ -16,6 +16,12 @@ pub enum OmnixError {
     /// The checkpoint's files.
     #[error(transparent)]
     Weights(#[from] omnix_weights::WeightsError),
+    /// The name of an embedded checkpoint, in a library that was built without it.
+    #[error("the weights `{name}` are not part of this build: give the path of a checkpoint")]
+    NotBuiltIn {
+        /// The name.
+        name: &'static str,
+    },
     /// Cameras.
     #[error(transparent)]
     Geometry(#[from] omnix_geometry::GeometryError),

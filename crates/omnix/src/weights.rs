@@ -26,14 +26,16 @@ pub struct Weights {
 const BUILTIN: &str = "nano";
 
 /// What every report says of the embedded checkpoint.
+#[cfg(feature = "builtin")]
 const BUILTIN_NOTE: &str = "nano is a very small stand-in (8 M parameters) trained on rendered toy scenes: it shows that everything works, its depth \
      of real pictures is a blur and its motion has not been learned; for results use a published checkpoint with --weights";
 
 impl Weights {
-    /// The checkpoint in the program itself.
+    /// The checkpoint in the library itself (feature `builtin`).
     ///
     /// # Errors
     /// Only if the program is damaged.
+    #[cfg(feature = "builtin")]
     pub fn builtin() -> Result<Self, OmnixError> {
         let config = include_str!("../../../assets/weights/nano/config.json");
         let bytes: &'static [u8] = include_bytes!("../../../assets/weights/nano/model.safetensors");
@@ -50,15 +52,18 @@ impl Weights {
         Self::of(Checkpoint::open(path)?)
     }
 
-    /// `nano` or a path.
+    /// `nano` (with feature `builtin`) or a path.
     ///
     /// # Errors
-    /// As [`Weights::open`].
+    /// As [`Weights::open`]; [`OmnixError::NotBuiltIn`] for `nano` where it was left out.
     pub fn find(name_or_path: &str) -> Result<Self, OmnixError> {
         if name_or_path != BUILTIN || Path::new(BUILTIN).exists() {
             return Self::open(Path::new(name_or_path));
         }
-        Self::builtin()
+        #[cfg(feature = "builtin")]
+        return Self::builtin();
+        #[cfg(not(feature = "builtin"))]
+        return Err(OmnixError::NotBuiltIn { name: BUILTIN });
     }
 
     fn of(checkpoint: Checkpoint) -> Result<Self, OmnixError> {
