@@ -174,14 +174,14 @@ def check_field(path):
     (length,) = struct.unpack("<Q", raw[:8])
     header = json.loads(raw[8 : 8 + length])
     meta = header.pop("__metadata__")
-    assert (meta["format"], meta["version"]) == ("omnix-field", "1"), meta
+    assert (meta["format"], meta["version"]) == ("omnix-field", "2"), meta
     end = 0
     for name, entry in sorted(header.items(), key=lambda item: item[1]["data_offsets"]):
         count = 1
         for n in entry["shape"]:
             count *= n
         first, last = entry["data_offsets"]
-        size = {"F32": 4, "F16": 2, "U32": 4}[entry["dtype"]]
+        size = {"F32": 4, "F16": 2, "F64": 8, "U32": 4}[entry["dtype"]]
         assert first == end and last - first == count * size, name
         end = last
     assert 8 + length + end == len(raw), "length of the file"

@@ -109,7 +109,7 @@ fn queries_that_cannot_be_answered() {
     fs::write(&cut, &bytes[..bytes.len() - 1000]).unwrap();
     query(&cut, &["--image", "0", "--stride", "9"]).fails(3, &["cut short", "cut.safetensors"]);
     let later = dir.path().join("later.safetensors");
-    let at = bytes.windows(13).position(|w| w == b"\"version\":\"1\"").unwrap();
+    let at = bytes.windows(13).position(|w| w == b"\"version\":\"2\"").unwrap();
     let mut other = bytes;
     other[at + 11] = b'9';
     fs::write(&later, other).unwrap();

@@ -17,8 +17,8 @@ fn all(field: &Field) -> Vec<Vec<u32>> {
     let images = field.shape().images;
     let of = |i: usize| {
         let paths = field.paths(&Query::new(i, Pixels::All, 0..images)).unwrap();
-        let known = &field.images()[i];
-        [bits(&paths.positions), bits(&paths.theta), bits(&known.theta), bits(&known.confidence)]
+        let (theta, confidence) = (field.theta(i).unwrap(), field.confidence(i).unwrap());
+        [bits(&paths.positions), bits(&paths.theta), bits(&theta), bits(&confidence)]
     };
     (0..images).flat_map(of).collect()
 }

@@ -4,6 +4,8 @@
 #![expect(clippy::unwrap_used, reason = "a failed helper is a failed test")]
 
 mod bits;
+mod file;
+mod large;
 mod made;
 mod odd;
 mod resident;

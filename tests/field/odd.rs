@@ -28,7 +28,7 @@ fn one_image_has_one_time() {
     let field = field(&Weights::builtin().unwrap(), &request(1));
     assert_eq!(field.shape().images, 1);
     assert!(travel(&field) < 1e-4, "{}", travel(&field));
-    assert!(field.images()[0].theta.iter().all(|v| v.is_finite()));
+    assert!(field.theta(0).unwrap().iter().all(|v| v.is_finite()));
 }
 
 #[test]
@@ -56,9 +56,10 @@ fn all_scores_equal() {
     // A tie goes to the lower index: the same cells of every image, so pixels at the end see no chosen one.
     let field = field(&weights, &request(2));
     paths(&field);
-    for image in field.images() {
-        let far = image.theta.len() - 1;
-        assert!(image.theta[0] > image.theta[far], "{} {}", image.theta[0], image.theta[far]);
+    for image in 0..2 {
+        let theta = field.theta(image).unwrap();
+        let far = theta.len() - 1;
+        assert!(theta[0] > theta[far], "{} {}", theta[0], theta[far]);
     }
 }
 
@@ -81,7 +82,7 @@ fn nothing_moves_anywhere() {
     let field_of = |weights: &Weights| field(weights, &request(2));
     assert!(travel(&field_of(&closed)) == 0.0);
     let still = field_of(&still);
-    let moving = still.images().iter().flat_map(|i| &i.theta).filter(|t| still.moves(**t)).count();
+    let moving = (0..2).flat_map(|i| still.theta(i).unwrap().into_owned()).filter(|t| still.moves(*t)).count();
     assert!(travel(&still) < 1e-4, "{} with {moving} pixels let through", travel(&still));
     let points = field_of(&closed).choose(200, 1, &mut |_| Ok(())).unwrap();
     assert!(points.len() == 200 && points.moving.iter().all(|m| !m));
@@ -111,4 +112,31 @@ fn a_network_without_trajectories_says_so() {
 fn half_precision_weights_and_the_memory_that_was_promised() {
     let request = Request { storage: omnix::WeightType::F16, ..request(4) };
     paths(&field(&Weights::builtin().unwrap(), &request));
+}
+
+#[test]
+fn a_weight_beyond_f16_is_refused_before_work_whichever_way_weights_come() {
+    let changed = changed(
+        |_| {},
+        |name, numbers| {
+            if name.ends_with("blocks.1.attn.qkv.weight") && name.contains("backbone") {
+                numbers[192 + 7] = 70000.0;
+            }
+        },
+    );
+    let engine = engine();
+    for keep_weights in [true, false] {
+        let with = |storage| {
+            let request = Request { storage, keep_weights, ..request(1) };
+            let plan = RunPlan::new(&changed, &request, engine.caps()).unwrap();
+            Session::new(&engine, &changed, plan, &mut omnix::quiet()).map(|_| ())
+        };
+        let error = with(omnix::WeightType::F16).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "weight `backbone.pretrained.blocks.1.attn.qkv.weight[1, 7]` = 70000 does not fit in f16; store it as f32"
+        );
+        with(omnix::WeightType::F32).unwrap();
+        with(omnix::WeightType::I8).unwrap();
+    }
 }

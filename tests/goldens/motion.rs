@@ -216,6 +216,7 @@ impl Stages<'_> {
             all_times: self.images,
             times: self.images,
             pixels: None,
+            gathered: false,
             motion: self.config.motion(),
         };
         trajectory(&mut graph, &spec).map_err(text)?;

@@ -2,7 +2,6 @@
 
 mod bad_input;
 mod choose;
-mod field;
 mod glb;
 mod images;
 mod made;

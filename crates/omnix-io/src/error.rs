@@ -213,6 +213,18 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
     },
+    /// A number of a field that is finite, and would be infinite as f16.
+    #[error("{name}[{index}] = {value} of the field does not fit in f16; save the field as f32: {path}")]
+    FieldDoesNotFit {
+        /// Name of the tensor.
+        name: String,
+        /// Index of the element, row by row.
+        index: usize,
+        /// What it is.
+        value: f64,
+        /// The file.
+        path: PathBuf,
+    },
     /// The output folder cannot be made or written to.
     #[error("cannot write to the output folder: choose another with --out or change its permissions: {path}")]
     OutputFolder {

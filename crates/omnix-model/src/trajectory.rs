@@ -24,6 +24,8 @@ pub struct TrajectorySpec {
     pub times: usize,
     /// How many pixels are listed in the input `pixels`; all of the picture, row by row, without a list.
     pub pixels: Option<usize>,
+    /// Whether `offsets`, `weights` and `points` have the rows of the listed pixels alone, in their order.
+    pub gathered: bool,
     /// How points move: [`crate::config::TrajectoryConfig::motion`].
     pub motion: Motion,
 }
@@ -31,15 +33,15 @@ pub struct TrajectorySpec {
 /// A recorded evaluation; the last two are declared as outputs of the graph.
 #[derive(Clone, Copy, Debug)]
 pub struct TrajectoryOutputs {
-    /// The input `offsets` `[H W, 2 M Q]`.
+    /// The input `offsets` `[H W, 2 M Q]`, or with the rows of the listed pixels.
     pub offsets: Value,
-    /// The input `weights` `[H W, M Q]`.
+    /// The input `weights` `[H W, M Q]`, likewise.
     pub weights: Value,
     /// The input `field` `[M, T, L, 9]`.
     pub field: Value,
     /// The input `mask` `[L]`.
     pub mask: Value,
-    /// The input `points` `[H W, 3]`.
+    /// The input `points` `[H W, 3]`, likewise.
     pub points: Value,
     /// The input `pixels`, u32 `[n]`: row · width + column.
     pub pixels: Option<Value>,
@@ -56,10 +58,13 @@ pub struct TrajectoryOutputs {
 /// # Errors
 /// When a size is 0, or `times` is more than `all_times`.
 pub fn trajectory(g: &mut Graph, spec: &TrajectorySpec) -> Result<TrajectoryOutputs, GraphError> {
-    let TrajectorySpec { grid, levels, points, all_times, times, pixels, motion } = *spec;
+    let TrajectorySpec { grid, levels, points, all_times, times, pixels, gathered, motion } = *spec;
     let (cells, samples) = (grid.0 * grid.1, levels * points);
     let image = [grid.0 * PATCH, grid.1 * PATCH];
-    let all = image[0] * image[1];
+    let all = match pixels {
+        Some(listed) if gathered => listed,
+        _ => image[0] * image[1],
+    };
     let offsets = g.input("offsets", [all, 2 * samples]);
     let weights = g.input("weights", [all, samples]);
     let field = g.input("field", [levels, all_times, cells, RIGID]);
@@ -68,8 +73,8 @@ pub fn trajectory(g: &mut Graph, spec: &TrajectorySpec) -> Result<TrajectoryOutp
     let listed = pixels.map(|n| g.input("pixels", [n]));
     let when = g.input("when", [2]);
     let mut rows = |value: Value| match listed {
-        Some(pixels) => g.gather(value, pixels),
-        None => Ok(value),
+        Some(pixels) if !gathered => g.gather(value, pixels),
+        _ => Ok(value),
     };
     let (offsets_of, weights_of, points_of) = (rows(offsets)?, rows(weights)?, rows(world)?);
     let sampling = Sampling {

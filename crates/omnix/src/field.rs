@@ -8,22 +8,25 @@
 
 mod choice;
 mod evaluate;
+mod maps;
 mod saved;
 mod shape;
 mod store;
+mod values;
 
 use omnix_geometry::Camera;
 use omnix_graph::ops::{Gate, Motion};
-use omnix_io::Picture;
 use omnix_kernels::Gpu;
 
 pub use choice::ImageMotion;
 pub use evaluate::{Chunk, PathPiece, Paths, Pixels, Query, ResidentPaths};
 pub(crate) use evaluate::{fit, least};
+pub(crate) use maps::{ImageMaps, Maps};
 pub use saved::FieldPrecision;
 pub use shape::FieldShape;
 pub(crate) use shape::{PARTS, Part};
 pub(crate) use store::{Resident, Store, copy};
+pub use values::PixelValues;
 
 use crate::engine::Engine;
 use crate::error::OmnixError;
@@ -39,11 +42,12 @@ pub struct Field {
     /// Bytes of the device that an evaluation may take.
     room: Option<u64>,
     images: Vec<FieldImage>,
+    maps: Maps,
     about: About,
 }
 
-/// What is known of one image beside its part of the field.
-#[derive(Clone, Debug, PartialEq)]
+/// What is known of one image beside its part of the field; of its pixels, [`Field::pixel_values`] tells more.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldImage {
     /// Index of its video.
     pub video: u32,
@@ -53,12 +57,6 @@ pub struct FieldImage {
     pub time_s: Option<f64>,
     /// World-to-camera pose and intrinsics in pixels of the processed image.
     pub camera: Camera,
-    /// Motion score θ of every pixel, row by row.
-    pub theta: Vec<f32>,
-    /// Confidence of every pixel's path, at least 1, the same at all times.
-    pub confidence: Vec<f32>,
-    /// The processed picture, for exports with colours.
-    pub picture: Option<Picture>,
 }
 
 /// Where a field comes from.
@@ -88,10 +86,10 @@ impl Field {
         (shape, motion): (FieldShape, Motion),
         store: Store,
         room: Option<u64>,
-        images: Vec<FieldImage>,
+        (images, maps): (Vec<FieldImage>, Maps),
         about: About,
     ) -> Self {
-        Self { engine: engine.clone(), shape, motion, store, room, images, about }
+        Self { engine: engine.clone(), shape, motion, store, room, images, maps, about }
     }
 
     /// Its sizes.
@@ -112,7 +110,7 @@ impl Field {
         &self.images
     }
 
-    /// Adds seconds and pictures, which the engine does not know.
+    /// Adds seconds and changes cameras, which the engine knows in part.
     pub fn images_mut(&mut self) -> &mut [FieldImage] {
         &mut self.images
     }
@@ -154,20 +152,14 @@ impl Field {
     /// # Errors
     /// [`OmnixError::Query`] for an image that is not there; failures of the device or of reading a file.
     pub fn points(&self, image: usize) -> Result<Vec<f32>, OmnixError> {
-        if image >= self.shape.images {
-            let reason = format!("there is no image {image}: images go from 0 to {}", self.shape.images - 1);
-            return Err(OmnixError::Query { reason });
-        }
+        self.check_image(image)?;
         self.store.numbers(image, Part::Points)
     }
 
-    /// Computes every pixel's score.
-    pub(crate) fn score(&mut self) -> Result<(), OmnixError> {
-        for image in 0..self.shape.images {
-            let paths = self.paths(&Query::new(image, Pixels::All, image..image + 1))?;
-            self.images[image].theta = paths.theta;
-        }
-        Ok(())
+    /// Bytes read so far from the file of a saved field; 0 for any other.
+    #[must_use]
+    pub fn bytes_read(&self) -> u64 {
+        self.store.bytes_read()
     }
 
     fn image(&self, image: usize) -> Result<Resident, OmnixError> {

@@ -7,7 +7,7 @@
 //! use omnix::{Engine, Request, RunPlan, Session, Weights};
 //!
 //! # fn main() -> Result<(), omnix::OmnixError> {
-//! let weights = Weights::builtin()?;
+//! let weights = Weights::find("nano")?; // or Weights::open(folder)
 //! let engine = Engine::open(None)?; // or Engine::new(&device, &queue)
 //! let request = Request::new(2, 84, 140);
 //! let plan = RunPlan::new(&weights, &request, engine.caps())?;
@@ -36,8 +36,8 @@ mod weights;
 pub use engine::{DeviceInfo, Engine};
 pub use error::OmnixError;
 pub use field::{
-    About, Chunk, Field, FieldImage, FieldPrecision, FieldShape, ImageMotion, PathPiece, Paths, Pixels, Query,
-    ResidentPaths,
+    About, Chunk, Field, FieldImage, FieldPrecision, FieldShape, ImageMotion, PathPiece, Paths, PixelValues, Pixels,
+    Query, ResidentPaths,
 };
 pub use omnix_geometry::{AlignTo, Camera};
 pub use omnix_kernels::{Caps, Tier, WeightType};
@@ -54,5 +54,6 @@ pub use omnix_graph as graph;
 pub use omnix_io as io;
 pub use omnix_kernels as kernels;
 pub use omnix_model as model;
+pub use omnix_tensors as tensors;
 pub use omnix_weights as checkpoint;
 pub use wgpu;

@@ -1,6 +1,7 @@
 //! `omnix query`: paths of points from a saved field, without computing any others.
 
-use std::path::PathBuf;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use omnix::io::input::load_picture;
@@ -91,30 +92,24 @@ pub(crate) fn run(args: &QueryArgs, ui: &mut Ui) -> Result<(), CliError> {
         (flat, theta) = (paths.pixels, paths.theta);
     }
     let flat = flat.unwrap_or_else(|| (0..shape.pixels() as u32).collect());
-    let known = &field.images()[args.image];
-    let at = |p: &u32| *p as usize;
+    let known = field.pixel_values(args.image, &pixels)?;
     let when: Vec<ImageTime> = times
         .iter()
         .map(|t| &field.images()[*t])
         .map(|i| ImageTime { video: i.video, frame: i.frame, time_s: i.time_s })
         .collect();
     let list: Vec<[u32; 2]> = flat.iter().map(|p| [p % shape.width as u32, p / shape.width as u32]).collect();
-    let confidence: Vec<f32> = flat.iter().map(|p| known.confidence[at(p)]).collect();
     let moving: Vec<bool> = theta.iter().map(|t| field.moves(*t)).collect();
-    let colours: Option<Vec<[u8; 3]>> = known
-        .picture
-        .as_ref()
-        .map(|picture| flat.iter().map(|p| std::array::from_fn(|c| picture.data[3 * at(p) + c])).collect());
     let table = PathTable {
         image: args.image,
         times: &times,
         when: &when,
         pixels: &list,
         positions: &positions,
-        confidence: &confidence,
+        confidence: &known.confidence,
         theta: &theta,
         moving: &moving,
-        colours: colours.as_deref(),
+        colours: known.colours.as_deref(),
     };
     show(args, &table, ui)
 }
@@ -195,12 +190,36 @@ impl Which {
             return Ok(Pixels::Mask(mask.data.as_chunks::<3>().0.iter().map(|c| c.iter().any(|v| *v > 0)).collect()));
         }
         let Some(path) = &self.pixels else { return Ok(Pixels::List(self.pixel.clone())) };
-        let text =
-            std::fs::read_to_string(path).map_err(|source| omnix::io::IoError::Read { path: path.clone(), source })?;
-        let lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
+        let text = read_list(path)?;
+        // Some editors put a byte-order mark in front.
+        let lines = text
+            .strip_prefix('\u{feff}')
+            .unwrap_or(&text)
+            .lines()
+            .map(str::trim)
+            .filter(|l| !l.is_empty() && !l.starts_with('#'));
         let list: Result<Vec<_>, String> = lines.map(pixel).collect();
         Ok(Pixels::List(list.map_err(|e| wrong(format!("{}: {e}", path.display())))?))
     }
+}
+
+/// Bytes of a list of pixels: more than all pixels of any image take.
+const LONGEST_LIST: u64 = 256 << 20;
+
+/// The text of `--pixels`; may come through a pipe.
+fn read_list(path: &Path) -> Result<String, CliError> {
+    let failed = |source| omnix::io::IoError::Read { path: path.to_owned(), source };
+    let mut text = String::new();
+    let file = std::fs::File::open(path).map_err(failed)?;
+    file.take(LONGEST_LIST + 1).read_to_string(&mut text).map_err(failed)?;
+    if text.len() as u64 > LONGEST_LIST {
+        let most = LONGEST_LIST >> 20;
+        return Err(wrong(format!(
+            "a list of more than {most} MiB: use --mask or --stride instead of {}",
+            path.display()
+        )));
+    }
+    Ok(text)
 }
 
 #[cfg(test)]

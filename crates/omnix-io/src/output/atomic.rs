@@ -6,8 +6,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use tempfile::NamedTempFile;
-
 use crate::IoError;
 
 /// Makes the folder with its parents and proves that a file can be written in it. Leaves nothing but the folder.
@@ -21,50 +19,32 @@ pub fn check_output_folder(dir: &Path) -> Result<(), IoError> {
     probe.write_all(b"omnix").and_then(|()| probe.flush()).map_err(|e| IoError::write(dir, e))
 }
 
-/// A file written under a temporary name in its own folder; [`AtomicFile::commit`] gives it its name.
+/// [`omnix_tensors::AtomicFile`] with errors that name the file: it has its name only when it is whole.
 pub(super) struct AtomicFile {
-    out: BufWriter<NamedTempFile>,
+    file: omnix_tensors::AtomicFile,
     path: PathBuf,
 }
 
 impl AtomicFile {
     /// Starts the file, making its folder.
     pub(super) fn create(path: PathBuf) -> Result<Self, IoError> {
-        let folder = path.parent().unwrap_or(Path::new("."));
-        fs::create_dir_all(folder).map_err(|e| IoError::write(folder, e))?;
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".omnix-").suffix(".part");
-        #[cfg(unix)]
-        {
-            // Temporary files are private by default; results get what the user's umask allows.
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(fs::Permissions::from_mode(0o666));
-        }
-        let file = builder.tempfile_in(folder).map_err(|e| IoError::write(&path, e))?;
-        Ok(Self { out: BufWriter::with_capacity(1 << 20, file), path })
+        let file = omnix_tensors::AtomicFile::create(&path).map_err(|e| IoError::write(&path, e))?;
+        Ok(Self { file, path })
     }
 
     /// Writes bytes, naming the file on failure.
     pub(super) fn put(&mut self, bytes: &[u8]) -> Result<(), IoError> {
-        self.out.write_all(bytes).map_err(|e| IoError::write(&self.path, e))
+        self.file.write_all(bytes).map_err(|e| IoError::write(&self.path, e))
     }
 
     /// The writer, for encoders; wrap their errors with [`IoError::write`].
     pub(super) fn writer(&mut self) -> &mut (impl Write + Seek + use<>) {
-        &mut self.out
+        &mut self.file
     }
 
     /// Empties the buffers, waits for the disk, and renames.
     pub(super) fn commit(self) -> Result<PathBuf, IoError> {
-        let path = self.path;
-        let file = self.out.into_inner().map_err(|e| IoError::write(&path, e.into_error()))?;
-        file.as_file().sync_all().map_err(|e| IoError::write(&path, e))?;
-        file.persist(&path).map_err(|e| IoError::write(&path, e.error))?;
-        // The rename itself is durable once the folder is; not every file system offers that, and the file is whole anyway.
-        if let Some(folder) = path.parent() {
-            let _ = File::open(folder).and_then(|f| f.sync_all());
-        }
-        Ok(path)
+        self.file.commit().map_err(|e| IoError::write(&self.path, e))
     }
 }
 

@@ -44,17 +44,21 @@ impl ImageMotion {
 
 impl Field {
     /// Cameras, times and pictures as exports take them; grey where there is no picture.
-    #[must_use]
-    pub fn views(&self) -> Vec<MotionView> {
+    ///
+    /// # Errors
+    /// A failure of reading a file.
+    pub fn views(&self) -> Result<Vec<MotionView>, OmnixError> {
         let (width, height) = (self.shape().width as u32, self.shape().height as u32);
         let grey = || Picture::new(width, height, vec![128; 3 * (width * height) as usize]);
-        let view = |image: &super::FieldImage| MotionView {
-            extrinsics: image.camera.extrinsics,
-            intrinsics: image.camera.intrinsics,
-            time: ImageTime { video: image.video, frame: image.frame, time_s: image.time_s },
-            picture: image.picture.clone().unwrap_or_else(grey),
+        let view = |(index, image): (usize, &super::FieldImage)| {
+            Ok(MotionView {
+                extrinsics: image.camera.extrinsics,
+                intrinsics: image.camera.intrinsics,
+                time: ImageTime { video: image.video, frame: image.frame, time_s: image.time_s },
+                picture: self.picture(index)?.unwrap_or_else(grey),
+            })
         };
-        self.images().iter().map(view).collect()
+        self.images().iter().enumerate().map(view).collect()
     }
 
     /// Follows `budget` pixels, the moving ones first, chosen by `seed`. Points of all images together take
@@ -68,14 +72,15 @@ impl Field {
         seed: u64,
         on_image: &mut dyn FnMut(usize) -> Result<(), OmnixError>,
     ) -> Result<MovingPoints, OmnixError> {
-        let (shape, views) = (*self.shape(), self.views());
+        let (shape, views) = (*self.shape(), self.views()?);
         let threshold = match self.motion().gate {
             Gate::Hard(threshold) => threshold,
             Gate::None | Gate::Blend => 0.0,
         };
         let options = PointOptions { seed, threshold, ..PointOptions::new(budget) };
-        let scores: Vec<&[f32]> = self.images().iter().map(|i| i.theta.as_slice()).collect();
-        let chosen = choose_points(&scores, shape.width, &options);
+        let scores = (0..shape.images).map(|image| self.theta(image)).collect::<Result<Vec<_>, _>>()?;
+        let slices: Vec<&[f32]> = scores.iter().map(|scores| &**scores).collect();
+        let chosen = choose_points(&slices, shape.width, &options);
         let count: usize = chosen.iter().map(Vec::len).sum();
         let mut points = MovingPoints {
             views,
@@ -102,14 +107,14 @@ impl Field {
                 }
                 Ok(())
             })?;
-            let known = &self.images()[image];
-            let picture = &points.views[image].picture;
+            let confidence = self.pixel_values(image, &Pixels::List(list.clone()))?.confidence;
+            let (theta, picture) = (&scores[image], &points.views[image].picture);
             points.colours.extend(pixels.iter().map(|p| std::array::from_fn(|c| picture.data[3 * p + c])));
             points.source.extend(pixels.iter().map(|_| image as u32));
             points.pixel.extend(list);
-            points.motion.extend(pixels.iter().map(|p| known.theta[*p].clamp(0.0, 1.0)));
-            points.confidence.extend(pixels.iter().map(|p| known.confidence[*p]));
-            points.moving.extend(pixels.iter().map(|p| self.moves(known.theta[*p])));
+            points.motion.extend(pixels.iter().map(|p| theta[*p].clamp(0.0, 1.0)));
+            points.confidence.extend(confidence);
+            points.moving.extend(pixels.iter().map(|p| self.moves(theta[*p])));
         }
         Ok(points)
     }
@@ -125,8 +130,7 @@ impl Field {
         } else {
             None
         };
-        let known = &self.images()[image];
-        let (theta, confidence) = (known.theta.clone(), known.confidence.clone());
+        let (theta, confidence) = (self.theta(image)?.into_owned(), self.confidence(image)?.into_owned());
         let moving = theta.iter().map(|t| self.moves(*t)).collect();
         Ok(ImageMotion { index: image, points, trajectory, confidence, theta, moving })
     }

@@ -10,8 +10,9 @@ use omnix_graph::{Bindings, Executable, Graph, Plan, PlanOptions, WeightStore};
 use omnix_kernels::{BufferSlice, Caps, readback};
 use omnix_model::TrajectorySpec;
 
-use super::shape::PARTS;
-use super::{Field, FieldShape};
+use super::Field;
+use super::maps::Maps;
+use super::shape::{FieldShape, PARTS, Part};
 use crate::error::OmnixError;
 
 /// How much is evaluated at a time.
@@ -96,7 +97,7 @@ pub struct ResidentPaths {
 
 impl Pixels {
     /// Flat indices of the pixels, `None` for all.
-    fn resolve(&self, shape: &FieldShape) -> Result<Option<Vec<u32>>, OmnixError> {
+    pub(super) fn resolve(&self, shape: &FieldShape) -> Result<Option<Vec<u32>>, OmnixError> {
         let (width, height) = (shape.width, shape.height);
         let wrong = |reason: String| OmnixError::Query { reason };
         match self {
@@ -161,19 +162,20 @@ impl Field {
         if count == 0 || query.times.is_empty() {
             return Ok(());
         }
-        let chunk = self.chunk(query, count, pixels.is_some())?;
+        let inputs = self.inputs(query, pixels.as_deref());
+        let chunk = self.chunk(query, count, inputs, pixels.is_some())?;
         if chunk.pixels < count && pixels.is_none() {
             pixels = Some((0..count as u32).collect());
         }
-        let evaluation = self.evaluation(query.image, pixels.is_some().then_some(chunk.pixels), chunk.times)?;
+        let evaluation = self.evaluation(query, pixels.as_deref(), chunk, inputs)?;
         for first_time in query.times.clone().step_by(chunk.times) {
             let times = chunk.times.min(query.times.end - first_time);
             for first_pixel in (0..count).step_by(chunk.pixels) {
                 let n = chunk.pixels.min(count - first_pixel);
                 if let Some(pixels) = &pixels {
-                    evaluation.list(&pixels[first_pixel..first_pixel + n], chunk.pixels)?;
+                    evaluation.list(pixels, first_pixel..first_pixel + n, chunk.pixels)?;
                 }
-                let [positions, theta] = evaluation.run(query.image, first_time)?;
+                let [positions, theta] = evaluation.run(query, first_time)?;
                 let positions = readback::read::<f32>(self.gpu(), &positions)?;
                 let theta = readback::read::<f32>(self.gpu(), &theta)?;
                 // A shorter last chunk runs at the same size: its tail is left aside.
@@ -199,21 +201,31 @@ impl Field {
         if count == 0 || query.times.is_empty() {
             return Err(OmnixError::Query { reason: "no pixels or no times are asked for".to_owned() });
         }
-        let evaluation = self.evaluation(query.image, pixels.is_some().then_some(count), query.times.len())?;
+        let inputs = self.inputs(query, pixels.as_deref());
+        let chunk = Chunk { pixels: count, times: query.times.len() };
+        let evaluation = self.evaluation(query, pixels.as_deref(), chunk, inputs)?;
         if let Some(pixels) = &pixels {
-            evaluation.list(pixels, count)?;
+            evaluation.list(pixels, 0..count, count)?;
         }
-        let [positions, theta] = evaluation.run(query.image, query.times.start)?;
+        let [positions, theta] = evaluation.run(query, query.times.start)?;
         Ok(ResidentPaths { positions, theta })
+    }
+
+    /// Computes every pixel's score.
+    pub(crate) fn score(&mut self) -> Result<(), OmnixError> {
+        for image in 0..self.shape.images {
+            let paths = self.paths(&Query::new(image, Pixels::All, image..image + 1))?;
+            if let Maps::Memory(maps) = &mut self.maps {
+                maps[image].theta = paths.theta;
+            }
+        }
+        Ok(())
     }
 
     /// Checks image, times and pixels; flat indices of the pixels, `None` for all.
     fn check(&self, query: &Query) -> Result<Option<Vec<u32>>, OmnixError> {
         let images = self.shape().images;
-        if query.image >= images {
-            let (image, last) = (query.image, images - 1);
-            return Err(OmnixError::Query { reason: format!("there is no image {image}: images go from 0 to {last}") });
-        }
+        self.check_image(query.image)?;
         if query.times.start > query.times.end || query.times.end > images {
             let Range { start, end } = query.times;
             let reason = format!("times {start}..{end}: this field has times 0..{images}");
@@ -222,38 +234,102 @@ impl Field {
         query.pixels.resolve(self.shape())
     }
 
-    fn chunk(&self, query: &Query, count: usize, listed: bool) -> Result<Chunk, OmnixError> {
+    /// What the evaluation is given: of a file, a few pixels' rows instead of the whole image.
+    fn inputs(&self, query: &Query, pixels: Option<&[u32]>) -> Inputs {
+        match pixels {
+            Some(list) if !self.on_device() && list.len() < self.shape().pixels() / FEW => {
+                Inputs::Rows { times: query.times.len() }
+            }
+            _ => Inputs::Whole,
+        }
+    }
+
+    fn chunk(&self, query: &Query, count: usize, inputs: Inputs, listed: bool) -> Result<Chunk, OmnixError> {
         let most = query.chunk.unwrap_or(Chunk { pixels: count, times: query.times.len() });
         let whole = Chunk { pixels: most.pixels.clamp(1, count), times: most.times.clamp(1, query.times.len()) };
-        let sizes =
-            Sizes { shape: self.shape(), motion: self.motion(), caps: &self.gpu().caps, resident: self.on_device() };
+        let (shape, motion, caps) = (self.shape(), self.motion(), &self.gpu().caps);
+        let sizes = Sizes { shape, motion, caps, inputs, resident: self.on_device() };
         Ok(sizes.fit(whole, listed, self.room())?.0)
     }
 
-    fn evaluation(&self, image: usize, listed: Option<usize>, times: usize) -> Result<Evaluation, OmnixError> {
-        let plan = plan(self.shape(), self.motion(), &self.gpu().caps, listed, times)?;
-        let parts = PARTS.into_iter().zip(self.image(image)?);
-        let bindings: Bindings = parts.map(|(part, slice)| (part.name().to_owned(), slice)).collect();
-        Ok(Evaluation { exec: Executable::new(self.gpu(), plan, &WeightStore::default(), &bindings)? })
+    fn evaluation(
+        &self,
+        query: &Query,
+        pixels: Option<&[u32]>,
+        chunk: Chunk,
+        inputs: Inputs,
+    ) -> Result<Evaluation, OmnixError> {
+        let (image, listed) = (query.image, pixels.is_some().then_some(chunk.pixels));
+        let plan = plan(self.shape(), self.motion(), &self.gpu().caps, inputs, listed, chunk.times)?;
+        let made = |bindings| Executable::new(self.gpu(), plan, &WeightStore::default(), bindings);
+        match (inputs, pixels) {
+            (Inputs::Rows { .. }, Some(pixels)) => {
+                let exec = made(&Bindings::default())?;
+                exec.write(Part::Field.name(), &self.store.times(image, &query.times)?)?;
+                exec.write(Part::Mask.name(), &self.store.numbers(image, Part::Mask)?)?;
+                let mut rows = Vec::with_capacity(ROWS.len());
+                for part in ROWS {
+                    rows.push((part, self.store.rows(image, part, pixels)?));
+                }
+                Ok(Evaluation { exec, rows })
+            }
+            _ => {
+                let parts = PARTS.into_iter().zip(self.image(image)?);
+                let bindings: Bindings = parts.map(|(part, slice)| (part.name().to_owned(), slice)).collect();
+                Ok(Evaluation { exec: made(&bindings)?, rows: Vec::new() })
+            }
+        }
     }
+}
+
+/// Fewer pixels than a part of so many of an image are read row by row.
+const FEW: usize = 8;
+
+/// The parts that have a row for each pixel.
+const ROWS: [Part; 3] = [Part::Offsets, Part::Weights, Part::Points];
+
+/// What an evaluation is given of its image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Inputs {
+    /// All of it; listed pixels are gathered on the device.
+    Whole,
+    /// Rows of the listed pixels, and the field at the times asked for, of which there are so many, and at the image's own.
+    Rows { times: usize },
 }
 
 /// One image's trajectories at a fixed number of pixels and times.
 struct Evaluation {
     exec: Executable,
+    /// Of [`Inputs::Rows`]: rows of all listed pixels; those of a chunk go to the device.
+    rows: Vec<(Part, Vec<f32>)>,
 }
 
 impl Evaluation {
-    /// Sets the pixels; fewer than planned for are filled up with the last.
-    fn list(&self, pixels: &[u32], count: usize) -> Result<(), OmnixError> {
-        let mut padded = pixels.to_vec();
-        padded.resize(count, pixels.last().copied().unwrap_or(0));
-        Ok(self.exec.write_indices("pixels", &padded)?)
+    /// Sets the pixels to a range of those listed; fewer than planned for are filled up with the last.
+    fn list(&self, pixels: &[u32], range: Range<usize>, count: usize) -> Result<(), OmnixError> {
+        let padded = |numbers: usize| {
+            range
+                .clone()
+                .chain(std::iter::repeat_n(range.end - 1, count - range.len()))
+                .flat_map(move |row| row * numbers..(row + 1) * numbers)
+        };
+        for (part, all) in &self.rows {
+            let chunk: Vec<f32> = padded(all.len() / pixels.len()).map(|at| all[at]).collect();
+            self.exec.write(part.name(), &chunk)?;
+        }
+        let listed: Vec<u32> = padded(1).map(|at| pixels[at]).collect();
+        Ok(self.exec.write_indices("pixels", &listed)?)
     }
 
-    /// Positions and scores from `first` on.
-    fn run(&self, image: usize, first: usize) -> Result<[BufferSlice; 2], OmnixError> {
-        self.exec.write_indices("when", &[image as u32, first as u32])?;
+    /// Positions and scores from time `first` on.
+    fn run(&self, query: &Query, first: usize) -> Result<[BufferSlice; 2], OmnixError> {
+        let when = if self.rows.is_empty() {
+            [query.image, first]
+        } else {
+            // The own time is behind those asked for.
+            [query.times.len(), first - query.times.start]
+        };
+        self.exec.write_indices("when", &when.map(|time| time as u32))?;
         self.exec.run(&mut |_, _| std::ops::ControlFlow::Continue(()))?;
         Ok([self.exec.slice("trajectory")?, self.exec.slice("theta")?])
     }
@@ -263,17 +339,23 @@ fn plan(
     shape: &FieldShape,
     motion: Motion,
     caps: &Caps,
+    inputs: Inputs,
     listed: Option<usize>,
     times: usize,
 ) -> Result<Plan, OmnixError> {
     let [rows, columns] = shape.grid;
+    let (all_times, gathered) = match inputs {
+        Inputs::Whole => (shape.images, false),
+        Inputs::Rows { times } => (times + 1, true),
+    };
     let spec = TrajectorySpec {
         grid: (rows, columns),
         levels: shape.levels,
         points: shape.points,
-        all_times: shape.images,
+        all_times,
         times,
         pixels: listed,
+        gathered,
         motion,
     };
     let mut graph = Graph::new();
@@ -286,6 +368,7 @@ struct Sizes<'a> {
     shape: &'a FieldShape,
     motion: Motion,
     caps: &'a Caps,
+    inputs: Inputs,
     resident: bool,
 }
 
@@ -296,7 +379,7 @@ impl Sizes<'_> {
     /// Bytes of a chunk: the plan's own, less what is bound to the field where that is on the device, and the staging
     /// through which positions are read back.
     fn bytes(&self, chunk: Chunk, listed: bool) -> Result<u64, OmnixError> {
-        let plan = plan(self.shape, self.motion, self.caps, listed.then_some(chunk.pixels), chunk.times)?;
+        let plan = plan(self.shape, self.motion, self.caps, self.inputs, listed.then_some(chunk.pixels), chunk.times)?;
         let bound = if self.resident { self.shape.image_bytes() } else { 0 };
         Ok(plan.working_bytes().saturating_sub(bound) + (chunk.pixels * chunk.times * 12) as u64)
     }
@@ -333,7 +416,7 @@ pub(crate) fn fit(
     room: Option<u64>,
 ) -> Result<(Chunk, u64), OmnixError> {
     let whole = Chunk { pixels: shape.pixels(), times: shape.images };
-    Sizes { shape, motion, caps, resident }.fit(whole, false, room)
+    Sizes { shape, motion, caps, inputs: Inputs::Whole, resident }.fit(whole, false, room)
 }
 
 /// Bytes of the smallest chunk.

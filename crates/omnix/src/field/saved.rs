@@ -12,7 +12,7 @@
 //! | `theta`, `confidence` | F32 | T, H, W | motion score; confidence of the paths, at least 1 |
 //! | `extrinsics`, `intrinsics` | F32 | T, 3, 4; T, 3, 3 | world-to-camera, OpenCV axes; in pixels of the processed image |
 //! | `times` | U32 | T, 2 | video and frame of each image |
-//! | `seconds` | F32 | T | from the start of its video; NaN where unknown |
+//! | `seconds` | F64 | T | from the start of its video; NaN where unknown (F32 in files of version 1) |
 //! | `pictures` | U32 | T, H, W | red + 256 green + 65536 blue; only if there are pictures |
 //!
 //! `__metadata__`: `format`, `version` (`omnix_io::output::field`), `shape` and `motion` (JSON), `network`, `weights`, `unit`, `note`.
@@ -20,14 +20,16 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use omnix_geometry::Camera;
 use omnix_graph::ops::{Gate, Motion};
-use omnix_io::output::field::{FieldReader, FieldType, FieldWriter, TensorSpec};
-use omnix_io::{IoError, Picture};
+use omnix_io::IoError;
+use omnix_io::output::field::{Dtype, FieldReader, FieldWriter, TensorSpec};
+use omnix_model::PATCH;
 use serde_json::{Value, json};
 
-use super::{About, Field, FieldImage, FieldShape, PARTS, Part, Store};
+use super::{About, Field, FieldImage, FieldShape, Maps, PARTS, Part, Store};
 use crate::engine::Engine;
 use crate::error::OmnixError;
 
@@ -42,44 +44,63 @@ pub enum FieldPrecision {
 }
 
 impl FieldPrecision {
-    const fn of(self, part: Part) -> FieldType {
+    const fn of(self, part: Part) -> Dtype {
         match (self, part) {
-            (Self::F16, Part::Field | Part::Offsets | Part::Weights | Part::Points) => FieldType::F16,
-            _ => FieldType::F32,
+            (Self::F16, Part::Field | Part::Offsets | Part::Weights | Part::Points) => Dtype::F16,
+            _ => Dtype::F32,
         }
     }
 
     /// Bytes of the file of a field of this shape, without its header.
     #[must_use]
     pub fn bytes(self, shape: &FieldShape) -> u64 {
-        let parts = PARTS.iter().map(|p| shape.numbers(*p) * self.of(*p).bytes()).sum::<usize>();
+        let parts = PARTS.iter().map(|p| shape.numbers(*p) * self.of(*p).size()).sum::<usize>();
         // θ, confidence and picture of a pixel; camera and time of an image.
-        (shape.images * (parts + 12 * shape.pixels() + 96)) as u64
+        (shape.images * (parts + 12 * shape.pixels() + 100)) as u64
     }
 }
 
 impl Field {
-    /// Writes `path` one image's part at a time; the file has its name only when whole.
+    /// Writes `path` one image's part at a time; the file has its name only when whole. A part with a finite number beyond f16 is
+    /// stored as F32 whatever the precision.
     ///
     /// # Errors
     /// A failure of writing, of the device, or of reading a spool file.
     pub fn save(&self, path: &Path, precision: FieldPrecision) -> Result<PathBuf, OmnixError> {
+        let mut types = PARTS.map(|part| precision.of(part));
+        loop {
+            match self.write(path, &types) {
+                // Such a number is rare, so it is not looked for beforehand, which would read everything twice.
+                Err(OmnixError::Io(IoError::FieldDoesNotFit { name, .. }))
+                    if PARTS.iter().any(|part| part.name() == name && types[*part as usize] == Dtype::F16) =>
+                {
+                    PARTS.iter().filter(|part| part.name() == name).for_each(|part| types[*part as usize] = Dtype::F32);
+                }
+                done => return done,
+            }
+        }
+    }
+
+    fn write(&self, path: &Path, types: &[Dtype; PARTS.len()]) -> Result<PathBuf, OmnixError> {
         let shape = *self.shape();
         let (images, pixels) = (shape.images, [shape.images, shape.height, shape.width]);
-        let pictures = self.images().iter().all(|i| i.picture.is_some());
+        let pictures = self.maps.have_pictures();
         let mut specs: Vec<TensorSpec> = PARTS
             .into_iter()
             .map(|part| {
                 let dims: Vec<usize> = [vec![images], shape.dims(part)].concat();
-                TensorSpec::new(part.name(), precision.of(part), dims)
+                TensorSpec::new(part.name(), types[part as usize], dims)
             })
             .collect();
-        let f32s = |name, dims: &[usize]| TensorSpec::new(name, FieldType::F32, dims);
+        let f32s = |name, dims: &[usize]| TensorSpec::new(name, Dtype::F32, dims);
         specs.extend([f32s("theta", &pixels), f32s("confidence", &pixels)]);
         specs.extend([f32s("extrinsics", &[images, 3, 4]), f32s("intrinsics", &[images, 3, 3])]);
-        specs.extend([TensorSpec::new("times", FieldType::U32, [images, 2]), f32s("seconds", &[images])]);
+        specs.extend([
+            TensorSpec::new("times", Dtype::U32, [images, 2]),
+            TensorSpec::new("seconds", Dtype::F64, [images]),
+        ]);
         if pictures {
-            specs.push(TensorSpec::new("pictures", FieldType::U32, pixels));
+            specs.push(TensorSpec::new("pictures", Dtype::U32, pixels));
         }
         let mut file = FieldWriter::create(path, &specs, &self.metadata())?;
         for part in PARTS {
@@ -88,13 +109,14 @@ impl Field {
             }
         }
         let all = self.images();
-        all.iter().try_for_each(|i| file.write("theta", &i.theta))?;
-        all.iter().try_for_each(|i| file.write("confidence", &i.confidence))?;
+        (0..images).try_for_each(|i| Ok::<_, OmnixError>(file.write("theta", &self.theta(i)?)?))?;
+        (0..images).try_for_each(|i| Ok::<_, OmnixError>(file.write("confidence", &self.confidence(i)?)?))?;
         all.iter().try_for_each(|i| file.write("extrinsics", i.camera.extrinsics.as_flattened()))?;
         all.iter().try_for_each(|i| file.write("intrinsics", i.camera.intrinsics.as_flattened()))?;
         all.iter().try_for_each(|i| file.write_u32("times", &[i.video, i.frame]))?;
-        all.iter().try_for_each(|i| file.write("seconds", &[i.time_s.map_or(f32::NAN, |t| t as f32)]))?;
-        for picture in all.iter().filter_map(|i| i.picture.as_ref()).take(if pictures { images } else { 0 }) {
+        all.iter().try_for_each(|i| file.write_f64("seconds", &[i.time_s.unwrap_or(f64::NAN)]))?;
+        for image in 0..if pictures { images } else { 0 } {
+            let Some(picture) = self.picture(image)? else { continue };
             let packed = picture.data.as_chunks::<3>().0.iter().map(|&[r, g, b]| u32::from_le_bytes([r, g, b, 0]));
             file.write_u32("pictures", &packed.collect::<Vec<u32>>())?;
         }
@@ -116,19 +138,21 @@ impl Field {
         metadata
     }
 
-    /// Opens a saved field: one image at a time will go to the device.
+    /// Opens a saved field. What is asked for is read when it is asked for, and one image at a time goes to the device.
     ///
     /// # Errors
     /// A file that is absent, of another kind or version, cut short, or whose tensors contradict each other.
     pub fn open(engine: &Engine, path: &Path) -> Result<Self, OmnixError> {
-        let mut file = FieldReader::open(path)?;
+        let file = FieldReader::open(path)?;
         let said = |file: &FieldReader, name: &str| file.metadata(name).unwrap_or_default().to_owned();
         let not = |what: &str| IoError::NotAField { reason: format!("its {what} is not known"), path: path.to_owned() };
-        let shape: FieldShape = serde_json::from_str(&said(&file, "shape")).map_err(|_syntax| not("shape"))?;
+        // A header may be long; parsed as JSON these would take many times as much.
+        let short = |name: &str| file.metadata(name).filter(|text| text.len() <= LONGEST).unwrap_or_default();
+        let shape: FieldShape = serde_json::from_str(short("shape")).map_err(|_syntax| not("shape"))?;
         if !sound(&shape) {
             return Err(not("shape").into());
         }
-        let motion = serde_json::from_str(&said(&file, "motion")).ok().and_then(|m| motion_from(&m));
+        let motion = serde_json::from_str(short("motion")).ok().and_then(|m| motion_from(&m));
         let motion = motion.ok_or_else(|| not("motion"))?;
         for part in PARTS {
             file.expect_shape(part.name(), &[vec![shape.images], shape.dims(part)].concat())?;
@@ -139,59 +163,54 @@ impl Field {
             unit: said(&file, "unit"),
             note: file.metadata("note").map(str::to_owned),
         };
-        let images = images(&mut file, &shape)?;
-        let store = Store::saved(engine.gpu(), shape, file);
-        Ok(Self::new(engine, (shape, motion), store, None, images, about))
+        let known = known(&file, &shape)?;
+        let pictures = file.has("pictures");
+        let file = Arc::new(file);
+        let store = Store::saved(engine.gpu(), shape, Arc::clone(&file));
+        let maps = Maps::Saved { file, pictures };
+        Ok(Self::new(engine, (shape, motion), store, None, (known, maps), about))
     }
 }
 
-/// Whether sizes are positive and small enough to be counted.
+/// Bytes of a JSON text in the metadata; ours have about a hundred.
+const LONGEST: usize = 4096;
+
+/// Whether sizes are positive and small enough to be counted, and the grid is one of the image's patches.
 fn sound(shape: &FieldShape) -> bool {
     let FieldShape { images, height, width, grid, levels, points } = *shape;
     let sizes = [images, height, width, grid[0], grid[1], levels, points];
-    sizes.iter().all(|n| (1..=1 << 16).contains(n)) && sizes.iter().map(|n| (*n as f64).log2()).sum::<f64>() < 60.0
+    sizes.iter().all(|n| (1..=1 << 16).contains(n))
+        && sizes.iter().map(|n| (*n as f64).log2()).sum::<f64>() < 60.0
+        // A pixel's index has 32 bits.
+        && height * width < 1 << 31
+        && [height, width] == grid.map(|n| n * PATCH)
 }
 
-fn images(file: &mut FieldReader, shape: &FieldShape) -> Result<Vec<FieldImage>, OmnixError> {
-    let (count, pixels) = (shape.images, shape.pixels());
-    let size = [count, shape.height, shape.width];
-    file.expect_shape("theta", &size)?;
-    file.expect_shape("confidence", &size)?;
+/// What is known of each image; the sizes of what is known of pixels are checked.
+fn known(file: &FieldReader, shape: &FieldShape) -> Result<Vec<FieldImage>, OmnixError> {
+    let count = shape.images;
+    let pixels = [count, shape.height, shape.width];
+    file.expect_shape("theta", &pixels)?;
+    file.expect_shape("confidence", &pixels)?;
     file.expect_shape("extrinsics", &[count, 3, 4])?;
     file.expect_shape("intrinsics", &[count, 3, 3])?;
     file.expect_shape("times", &[count, 2])?;
     file.expect_shape("seconds", &[count])?;
-    let pictures = file.specs().any(|s| s.name == "pictures");
-    if pictures {
-        file.expect_shape("pictures", &size)?;
+    if file.has("pictures") {
+        file.expect_shape("pictures", &pixels)?;
     }
-    let mut images = Vec::with_capacity(count);
-    for i in 0..count {
-        let of_image = |n: usize| i * n..(i + 1) * n;
-        let (e, k) = (file.read("extrinsics", of_image(12))?, file.read("intrinsics", of_image(9))?);
-        let times = file.read_u32("times", of_image(2))?;
-        let seconds = file.read("seconds", of_image(1))?[0];
-        let picture = if pictures {
-            let packed = file.read_u32("pictures", of_image(pixels))?;
-            let data = packed.iter().flat_map(|p| p.to_le_bytes().into_iter().take(3)).collect();
-            Some(Picture::new(shape.width as u32, shape.height as u32, data))
-        } else {
-            None
-        };
-        images.push(FieldImage {
-            video: times[0],
-            frame: times[1],
-            time_s: (!seconds.is_nan()).then_some(f64::from(seconds)),
-            camera: Camera {
-                extrinsics: std::array::from_fn(|r| std::array::from_fn(|c| e[4 * r + c])),
-                intrinsics: std::array::from_fn(|r| std::array::from_fn(|c| k[3 * r + c])),
-            },
-            theta: file.read("theta", of_image(pixels))?,
-            confidence: file.read("confidence", of_image(pixels))?,
-            picture,
-        });
-    }
-    Ok(images)
+    let (extrinsics, intrinsics) = (file.read("extrinsics", 0..12 * count)?, file.read("intrinsics", 0..9 * count)?);
+    let (times, seconds) = (file.read_u32("times", 0..2 * count)?, file.read_f64("seconds", 0..count)?);
+    let image = |i: usize| FieldImage {
+        video: times[2 * i],
+        frame: times[2 * i + 1],
+        time_s: (!seconds[i].is_nan()).then_some(seconds[i]),
+        camera: Camera {
+            extrinsics: std::array::from_fn(|r| std::array::from_fn(|c| extrinsics[12 * i + 4 * r + c])),
+            intrinsics: std::array::from_fn(|r| std::array::from_fn(|c| intrinsics[9 * i + 3 * r + c])),
+        },
+    };
+    Ok((0..count).map(image).collect())
 }
 
 /// As configurations write it.
@@ -237,5 +256,7 @@ mod tests {
         let shape = FieldShape { images: 2, height: 14, width: 14, grid: [1, 1], levels: 1, points: 1 };
         assert!(sound(&shape) && !sound(&FieldShape { images: 0, ..shape }));
         assert!(!sound(&FieldShape { images: 1 << 16, height: 1 << 16, width: 1 << 16, levels: 1 << 16, ..shape }));
+        assert!(!sound(&FieldShape { height: 14 << 12, width: 14 << 12, grid: [1 << 12; 2], ..shape }));
+        assert!(!sound(&FieldShape { height: 15, ..shape }) && !sound(&FieldShape { grid: [2, 1], ..shape }));
     }
 }

@@ -5,12 +5,14 @@
 
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use omnix_io::IoError;
 use omnix_io::output::field::FieldReader;
 use omnix_kernels::{BufferSlice, Gpu, KernelError, readback};
+use omnix_tensors::scattered;
 
 use super::shape::{FieldShape, PARTS, Part};
 use crate::error::OmnixError;
@@ -50,7 +52,7 @@ enum Backing {
         file: File,
         folder: PathBuf,
     },
-    Saved(FieldReader),
+    Saved(Arc<FieldReader>),
 }
 
 impl Store {
@@ -68,7 +70,7 @@ impl Store {
     }
 
     /// A saved field.
-    pub(crate) fn saved(gpu: &Gpu, shape: FieldShape, reader: FieldReader) -> Self {
+    pub(crate) fn saved(gpu: &Gpu, shape: FieldShape, reader: Arc<FieldReader>) -> Self {
         Self::file(gpu, shape, Backing::Saved(reader))
     }
 
@@ -153,9 +155,45 @@ impl Store {
                 let slice = images[image][part as usize].as_ref().ok_or_else(|| absent(part))?;
                 Ok(readback::read(&self.gpu, slice)?)
             }
-            Place::File { file, .. } => {
-                file.lock().unwrap_or_else(PoisonError::into_inner).read(&self.shape, image, part)
+            Place::File { .. } => self.backing(part)?.range(&self.shape, image, part, 0..self.shape.numbers(part)),
+        }
+    }
+
+    /// Rows of listed pixels of a part that has a row for each pixel, in the order of `pixels`, from a file; little else is read.
+    pub(crate) fn rows(&self, image: usize, part: Part, pixels: &[u32]) -> Result<Vec<f32>, OmnixError> {
+        let width = self.shape.numbers(part) / self.shape.pixels();
+        self.backing(part)?.rows(&self.shape, image, part, (width, pixels))
+    }
+
+    /// The field of an image at some target times, and then at its own time, `[levels, times + 1, cells, 9]`, from a file.
+    pub(crate) fn times(&self, image: usize, times: &Range<usize>) -> Result<Vec<f32>, OmnixError> {
+        let shape = &self.shape;
+        let time = shape.cells() * 9;
+        let mut backing = self.backing(Part::Field)?;
+        let mut numbers = Vec::with_capacity(shape.levels * (times.len() + 1) * time);
+        for level in 0..shape.levels {
+            for times in [times.clone(), image..image + 1] {
+                let from = level * shape.images * time;
+                let range = from + times.start * time..from + times.end * time;
+                numbers.extend(backing.range(shape, image, Part::Field, range)?);
             }
+        }
+        Ok(numbers)
+    }
+
+    /// The file, where it comes from one.
+    fn backing(&self, part: Part) -> Result<MutexGuard<'_, Backing>, OmnixError> {
+        match &self.place {
+            Place::Device(_) => Err(absent(part)),
+            Place::File { file, .. } => Ok(file.lock().unwrap_or_else(PoisonError::into_inner)),
+        }
+    }
+
+    /// Bytes read from a saved file so far.
+    pub(crate) fn bytes_read(&self) -> u64 {
+        match self.backing(Part::Field).as_deref() {
+            Ok(Backing::Saved(reader)) => reader.bytes_read(),
+            Ok(Backing::Spool { .. }) | Err(_) => 0,
         }
     }
 
@@ -176,19 +214,52 @@ impl Backing {
         Ok(written.map_err(|source| IoError::write(&*folder, source))?)
     }
 
-    fn read(&mut self, shape: &FieldShape, image: usize, part: Part) -> Result<Vec<f32>, OmnixError> {
-        let count = shape.numbers(part);
+    /// Numbers of a part of an image.
+    fn range(
+        &mut self,
+        shape: &FieldShape,
+        image: usize,
+        part: Part,
+        numbers: Range<usize>,
+    ) -> Result<Vec<f32>, OmnixError> {
+        let before = image * shape.numbers(part);
         match self {
             Self::Spool { file, folder } => {
-                let mut numbers = vec![0.0f32; count];
-                let at = SeekFrom::Start(place(shape, image, part));
-                let read = file.seek(at).and_then(|_| file.read_exact(bytemuck::cast_slice_mut(&mut numbers)));
-                read.map_err(|source| IoError::Read { path: folder.clone(), source })?;
-                Ok(numbers)
+                let mut read = vec![0.0f32; numbers.len()];
+                let at = place(shape, image, part) + 4 * numbers.start as u64;
+                spooled(file, folder, at, bytemuck::cast_slice_mut(&mut read))?;
+                Ok(read)
             }
-            Self::Saved(reader) => Ok(reader.read(part.name(), image * count..(image + 1) * count)?),
+            Self::Saved(reader) => Ok(reader.read(part.name(), before + numbers.start..before + numbers.end)?),
         }
     }
+
+    /// Rows of `width` numbers of a part of an image.
+    fn rows(
+        &mut self,
+        shape: &FieldShape,
+        image: usize,
+        part: Part,
+        (width, rows): (usize, &[u32]),
+    ) -> Result<Vec<f32>, OmnixError> {
+        match self {
+            Self::Spool { file, folder } => {
+                let start = place(shape, image, part);
+                let bytes = scattered(rows, 4 * width, &mut |range| {
+                    let mut bytes = vec![0; range.len()];
+                    spooled(file, folder, start + range.start as u64, &mut bytes).map(|()| bytes)
+                })?;
+                Ok(bytes.as_chunks().0.iter().map(|b| f32::from_ne_bytes(*b)).collect())
+            }
+            Self::Saved(reader) => Ok(reader.rows(part.name(), image * shape.numbers(part), width, rows)?),
+        }
+    }
+}
+
+/// Bytes of a spool file from `at` on.
+fn spooled(file: &mut File, folder: &Path, at: u64, bytes: &mut [u8]) -> Result<(), OmnixError> {
+    let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(bytes));
+    Ok(read.map_err(|source| IoError::Read { path: folder.to_owned(), source })?)
 }
 
 /// First byte of a part of an image in a spool file.

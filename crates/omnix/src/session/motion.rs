@@ -8,7 +8,7 @@ use omnix_kernels::{BufferSlice, Gpu, readback};
 use super::stages::{Kept, inputs, part};
 use super::{Listener, Session};
 use crate::error::OmnixError;
-use crate::field::{About, Field, FieldImage, FieldShape, Part, Store, copy, motion_of};
+use crate::field::{About, Field, FieldImage, FieldShape, ImageMaps, Maps, Part, Store, copy, motion_of};
 use crate::progress::{Phase, Progress};
 use crate::request::FieldPlace;
 
@@ -94,16 +94,11 @@ impl Session {
         drop(features);
         self.engine.gpu().wait()?;
         let times = &self.plan.request.times;
+        let images = cameras.into_iter().zip(times);
         let images =
-            cameras.into_iter().zip(times).zip(confidence).map(|((camera, (video, frame)), confidence)| FieldImage {
-                video: *video,
-                frame: *frame,
-                time_s: None,
-                camera,
-                theta: Vec::new(),
-                confidence,
-                picture: None,
-            });
+            images.map(|(camera, (video, frame))| FieldImage { video: *video, frame: *frame, time_s: None, camera });
+        let maps = confidence.into_iter().map(|confidence| ImageMaps { confidence, ..ImageMaps::default() });
+        let known = (images.collect(), Maps::Memory(maps.collect()));
         let weights = self.weights.checkpoint();
         let about = About {
             network: weights.network().config().name.clone(),
@@ -113,7 +108,7 @@ impl Session {
         };
         let room = self.plan.evaluation_room();
         let Making { shape, motion, store, .. } = making;
-        let mut field = Field::new(&self.engine, (shape, motion), store, room, images.collect(), about);
+        let mut field = Field::new(&self.engine, (shape, motion), store, room, known, about);
         field.score()?;
         Ok(field)
     }

@@ -27,7 +27,7 @@ impl Run<'_> {
         ui: &mut Ui,
     ) -> Result<(), CliError> {
         begin(&mut self.timings, ui, "exports", "following points, writing what moves");
-        self.describe(&mut field, pictures, unit);
+        self.describe(&mut field, pictures, unit)?;
         let dir = &self.args.out.out;
         let dense = self.args.run.all_tracks;
         let (by_image, by_point): (Vec<Export>, Vec<Export>) = self
@@ -47,7 +47,7 @@ impl Run<'_> {
         if self.job.exports.contains(&Export::Field) {
             self.files.push(field.save(&dir.join("field.safetensors"), self.args.run.field_type.into())?);
         }
-        let mut stream = MotionStream::open(&by_image, field.views(), dir)?;
+        let mut stream = MotionStream::open(&by_image, field.views()?, dir)?;
         if !stream.is_empty() {
             for image in 0..images {
                 step(ui)?;
@@ -70,26 +70,29 @@ impl Run<'_> {
     }
 
     /// What the engine does not know of the images; what the manifest and machines hear of them.
-    fn describe(&mut self, field: &mut Field, pictures: Vec<Picture>, unit: &str) {
+    fn describe(&mut self, field: &mut Field, pictures: Vec<Picture>, unit: &str) -> Result<(), CliError> {
         let frames = &self.job.input.frames;
-        let known = field.images_mut().iter_mut().zip(frames).zip(&self.cameras).zip(pictures);
-        for (((image, frame), camera), picture) in known {
+        for ((image, frame), camera) in field.images_mut().iter_mut().zip(frames).zip(&self.cameras) {
             image.time_s = frame.time_s;
             image.camera = *camera;
-            image.picture = Some(exported_picture(&picture));
+        }
+        for (index, picture) in pictures.iter().enumerate() {
+            field.set_picture(index, exported_picture(picture))?;
         }
         let checkpoint = self.job.weights.checkpoint();
         let about = field.about_mut();
         about.weights = format!("{} blake3:{}", checkpoint.name(), checkpoint.digest());
         unit.clone_into(&mut about.unit);
         let moving = |theta: &[f32]| theta.iter().filter(|t| field.moves(**t)).count();
-        let shares: Vec<usize> = field.images().iter().map(|i| moving(&i.theta)).collect();
         let shape = *field.shape();
+        let shares = (0..shape.images).map(|i| Ok(moving(&field.theta(i)?)));
+        let shares = shares.collect::<Result<Vec<usize>, OmnixError>>()?;
         self.motion = json!({
             "target_times": shape.images, "levels": shape.levels, "sampling_points": shape.points, "grid": shape.grid,
             "gate": format!("{:?}", field.motion().gate), "relative_to_own_time": field.motion().relative,
             "moving_pixels": shares, "positions": "world of the extrinsics", "unit": unit,
         });
+        Ok(())
     }
 
     fn options(&self, unit: &str) -> MotionOptions {
