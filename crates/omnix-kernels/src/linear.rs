@@ -87,15 +87,15 @@ struct Piece {
 /// How a family of variants cuts y into tiles.
 #[derive(Clone, Copy, Debug)]
 enum Form {
-    /// So many rows x 32 columns a workgroup.
+    /// This number of rows x 32 columns per workgroup.
     Software(u64),
-    /// So many rows x 4 columns a workgroup.
+    /// This number of rows x 4 columns per workgroup.
     Narrow(u64),
     /// As `Software`, weights through uniform windows.
     Windows(u64),
-    /// 64 x 64 a workgroup.
+    /// 64 x 64 per workgroup.
     Gpu,
-    /// 4 x 4 an invocation.
+    /// 4 x 4 per invocation.
     Baseline,
 }
 
@@ -166,8 +166,8 @@ impl Linear {
         }
     }
 
-    /// Some rows, a dispatch a window of weights: several column blocks where a window holds all their k, else one and part of its
-    /// k. Sums that go on in the next window wait in y, and take the order they would have in one.
+    /// Some rows, one dispatch per window of weights: several column blocks where a window holds all their k, else one and part of
+    /// its k. Sums that go on in the next window wait in y, and take the order they would have in one.
     fn uniform_windows(&self, shader: &'static Shader, (row0, rows): (u64, u64), out: &mut Vec<Dispatch>) {
         let w = &self.weights;
         let deep = (UNIFORM_WINDOW / WeightType::ROW_BYTES * w.storage.k_per_row()) as u32;
@@ -196,7 +196,7 @@ impl Linear {
             }
             Form::Narrow(rows) => (m.div_ceil(rows) * u64::from(n).div_ceil(4), 0),
             Form::Gpu => (m.div_ceil(64) * columns.div_ceil(2), 0),
-            // 64 tiles of 4 x 4 a workgroup.
+            // 64 tiles of 4 x 4 per workgroup.
             Form::Baseline => ((m.div_ceil(4) * columns * 8).div_ceil(64), 0),
         };
         let set = |on: bool, flag: u32| if on { flag } else { 0 };

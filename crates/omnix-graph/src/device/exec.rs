@@ -66,8 +66,7 @@ impl Executable {
     }
 
     /// Runs in submissions of moderate length and waits. After each, `progress` is called with the operations submitted so far and
-    /// all of
-    /// the run, and may break off; the device then has work, so what the host does there costs no time of its own.
+    /// those of the whole run, and may break off. The device then has work, so what the host does there costs no time of its own.
     ///
     /// # Errors
     /// When the device is lost or `progress` broke off ([`GraphError::Interrupted`]).

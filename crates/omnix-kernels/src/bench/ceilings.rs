@@ -19,7 +19,7 @@ pub struct Ceilings {
     pub flops: f64,
     /// Bytes a second that a copy reads and writes.
     pub copy: f64,
-    /// Threads used: one a processor.
+    /// Threads used: one per processor.
     pub threads: usize,
     /// How the arithmetic was done: "AVX2 + FMA" or "portable".
     pub method: &'static str,
