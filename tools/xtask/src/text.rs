@@ -19,9 +19,30 @@ const MACHINE_PATHS: [&str; 2] = [concat!("/wo", "rk/"), concat!("/ro", "ot/")];
 /// Loops of WGSL whose end is not in their head. Shaders are made without wgpu's loop counters (`omnix-kernels`, `device/gpu.rs`).
 const ENDLESS: [&str; 2] = ["loop", "while"];
 
-/// Length and first line of each Rust and WGSL file, loops of WGSL, and leftovers in all files.
+/// Files that texts and comments refer to by a path that begins so: each must be there.
+const REFERRED: &str = "benches/log/";
+
+/// Length and first line of each Rust and WGSL file, loops of WGSL, leftovers in all files, and references to measurements.
 pub fn check(tree: &Tree) -> Vec<Finding> {
-    tree.files().flat_map(|(path, text)| check_file(path, text)).collect()
+    let mut findings: Vec<Finding> = tree.files().flat_map(|(path, text)| check_file(path, text)).collect();
+    for (path, text) in tree.files() {
+        for (number, line) in text.lines().enumerate() {
+            let missing = references(line).find(|name| !tree.has(name));
+            findings.extend(missing.map(|name| {
+                Finding::error(format!("{path}:{}", number + 1), format!("refers to {name}, which is not there"))
+            }));
+        }
+    }
+    findings
+}
+
+/// The Markdown files below [`REFERRED`] that a line names.
+fn references(line: &str) -> impl Iterator<Item = &str> {
+    line.match_indices(REFERRED).filter_map(|(start, _)| {
+        let rest = &line[start..];
+        let end = rest.find(".md").map(|at| at + ".md".len())?;
+        rest[..end].chars().all(|c| c.is_alphanumeric() || "/-._".contains(c)).then(|| &rest[..end])
+    })
 }
 
 fn check_file(path: &str, text: &str) -> Vec<Finding> {
@@ -107,6 +128,14 @@ mod tests {
         assert_eq!(levels("a.rs", &file(501)), [Level::Warning]);
         assert_eq!(levels("a.wgsl", &file(600)), [Level::Warning]);
         assert_eq!(levels("a.wgsl", &file(601)), [Level::Error]);
+    }
+
+    #[test]
+    fn references_to_measurements_lead_somewhere() {
+        let comment = format!("//! x\n// slower ({REFERRED}here.md, \"Limits\").\n// [b]({REFERRED}gone.md)\n");
+        let tree = Tree::from_files([("a.rs", comment.as_str()), (concat!("benches/log/", "here.md"), "")]);
+        let found: Vec<String> = check(&tree).iter().map(ToString::to_string).collect();
+        assert_eq!(found, [concat!("error: a.rs:3: refers to benches/log/", "gone.md, which is not there")]);
     }
 
     #[test]
