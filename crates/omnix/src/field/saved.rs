@@ -1,6 +1,6 @@
 //! The file of a field, `field.safetensors`: any safetensors reader opens it.
 //!
-//! T images (and target times), H × W pixels, L = rows · columns cells of the grid, M levels, Q points a level.
+//! T images (and target times), H × W pixels, L = rows · columns cells of the grid, M levels, Q points per level.
 //!
 //! | tensor | type | shape | |
 //! |---|---|---|---|
