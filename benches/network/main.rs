@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use omnix::bench::RandomWeights;
 use omnix::model::config::NetworkConfig;
-use omnix::{Engine, OmnixError, Request, RunPlan, Session, WeightType, Weights, quiet};
+use omnix::{Engine, Event, Request, RunPlan, Session, WeightType, Weights, quiet};
 use omnix_kernels::bench::Clock;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -110,7 +110,7 @@ fn answer(engine: &Engine, command: Command, ready: &mut Option<Ready>) -> Outco
             let clock = Clock::start();
             let weights = Weights::open(&weights)?;
             let storage = if f16 { WeightType::F16 } else { WeightType::F32 };
-            let request = Request { storage, ..Request::new(count, height, width) };
+            let request = Request::new(count, height, width).storage(storage);
             let plan = RunPlan::new(&weights, &request, engine.caps())?;
             let (flops, peak) = (plan.flops(), plan.peak_bytes());
             let session = Session::new(engine, &weights, plan, &mut quiet())?;
@@ -140,12 +140,14 @@ impl Ready {
             self.session.set_image(index, picture)?;
         }
         let Some(file) = file else {
-            self.session.run_resident(&mut quiet(), &mut |_| Ok::<_, OmnixError>(()))?;
+            self.session.run_resident(&mut quiet())?;
             return Ok(());
         };
         let mut depth = Vec::new();
-        self.session.run(&mut quiet(), &mut |frame| {
-            depth.extend(frame.depth);
+        self.session.run(&mut |event| {
+            if let Event::Frame(frame) = event {
+                depth.extend(frame.depth);
+            }
             Ok(())
         })?;
         Ok(std::fs::write(file, bytemuck::cast_slice(&depth))?)

@@ -1,7 +1,7 @@
 //! A device that goes away in the middle of a run is an error, not a crash.
 
 use omnix::kernels::KernelError;
-use omnix::{Engine, OmnixError, Phase, Request, RunPlan, Session, Weights};
+use omnix::{Engine, Event, OmnixError, Phase, Request, RunPlan, Session, Weights};
 
 /// A session of two images on a device of its own.
 fn session() -> (Engine, Session) {
@@ -26,22 +26,19 @@ fn lost<T: std::fmt::Debug>(outcome: Result<T, OmnixError>) {
 fn before_a_run() {
     let (engine, mut session) = session();
     engine.gpu().device.destroy();
-    lost(session.run(&mut omnix::quiet(), &mut |_| Ok(())));
+    lost(session.run(&mut omnix::quiet()));
 }
 
 #[test]
 fn during_a_run() {
     let (engine, mut session) = session();
     let mut finished = 0;
-    let outcome = session.run(
-        &mut |p| {
-            if p.phase == Phase::Head && finished == 0 {
-                engine.gpu().device.destroy();
-                finished += 1;
-            }
-            std::ops::ControlFlow::Continue(())
-        },
-        &mut |_| Ok(()),
-    );
+    let outcome = session.run(&mut |event| {
+        if matches!(event, Event::Progress(p) if p.phase == Phase::Head) && finished == 0 {
+            engine.gpu().device.destroy();
+            finished += 1;
+        }
+        Ok(())
+    });
     lost(outcome);
 }

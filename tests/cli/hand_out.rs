@@ -1,53 +1,51 @@
 //! When results reach the caller: in order, while the device has the next images to compute, and all that was computed.
 
-use std::cell::RefCell;
-use std::ops::ControlFlow;
-
-use omnix::{Engine, OmnixError, Phase, Request, RunPlan, Session, Weights};
+use omnix::{Engine, Event, OmnixError, Phase, Request, RunPlan, Session, Weights};
 
 const IMAGES: usize = 5;
 
 /// What the caller saw, in order.
 #[derive(Clone, Debug, PartialEq)]
-enum Event {
+enum Seen {
     /// The device was given a chunk of images.
     Submitted,
     /// An image came.
     Image(usize),
 }
 
-use Event::{Image, Submitted};
+use Seen::{Image, Submitted};
 
 /// Runs five images, three a chunk; breaks off when the `stop`th chunk was submitted, fails at image `fail`.
-fn run(stop: usize, fail: usize) -> (Vec<Event>, Result<(), OmnixError>) {
+fn run(stop: usize, fail: usize) -> (Vec<Seen>, Result<(), OmnixError>) {
     let engine = Engine::open(std::env::var("OMNIX_DEVICE").ok().as_deref()).unwrap();
     let weights = Weights::builtin().unwrap();
-    let request = Request { head_images: Some(3), ..Request::new(IMAGES, 56, 56) };
+    let request = Request::new(IMAGES, 56, 56).head_images(3);
     let plan = RunPlan::new(&weights, &request, engine.caps()).unwrap();
     let mut session = Session::new(&engine, &weights, plan, &mut omnix::quiet()).unwrap();
     for image in 0..IMAGES {
         session.set_image(image, &vec![0.1 * image as f32; 3 * 56 * 56]).unwrap();
     }
-    let events = RefCell::new(Vec::new());
-    let outcome = session.run(
-        &mut |p| {
-            if p.phase != Phase::Head {
-                return ControlFlow::Continue(());
+    let mut seen = Vec::new();
+    let outcome = session.run(&mut |event| {
+        match event {
+            Event::Progress(p) if p.phase == Phase::Head => {
+                seen.push(Submitted);
+                if seen.iter().filter(|e| **e == Submitted).count() == stop {
+                    return Err(OmnixError::Interrupted);
+                }
             }
-            events.borrow_mut().push(Submitted);
-            let chunks = events.borrow().iter().filter(|e| **e == Submitted).count();
-            if chunks == stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        },
-        &mut |frame| {
-            if frame.index == fail {
+            Event::Frame(frame) if frame.index == fail => {
                 return Err(OmnixError::Request { reason: "the caller's own".to_owned() });
             }
-            assert!(frame.depth.iter().all(|d| d.is_finite() && *d > 0.0));
-            events.borrow_mut().push(Image(frame.index));
-            Ok(())
-        },
-    );
-    (events.into_inner(), outcome.map(|_| ()))
+            Event::Frame(frame) => {
+                assert!(frame.depth.iter().all(|d| d.is_finite() && *d > 0.0));
+                seen.push(Image(frame.index));
+            }
+            _ => {}
+        }
+        Ok(())
+    });
+    (seen, outcome)
 }
 
 #[test]

@@ -1,11 +1,8 @@
 //! One set of bits: evaluated at once, streamed in any chunks, chosen pixels alone, from the device, a spool or a saved file,
 //! whatever the chunks of the run.
 
-use std::ops::ControlFlow;
-
 use omnix::{
-    Chunk, Field, FieldPlace, FieldPrecision, OmnixError, Phase, Pixels, Progress, Query, Request, RunPlan, Session,
-    Weights,
+    Chunk, Event, Field, FieldPlace, FieldPrecision, OmnixError, Phase, Pixels, Query, RunPlan, Session, Weights,
 };
 
 use crate::made::{HEIGHT, WIDTH, bits, engine, field, request, session, show};
@@ -40,17 +37,17 @@ fn chunks_of_the_run_change_no_bit() {
     let weights = Weights::builtin().unwrap();
     let whole = all(&field(&weights, &request(IMAGES)));
     for other in [
-        Request { parts: 4, ..request(IMAGES) },
-        Request { head_images: Some(2), sampling_images: Some(3), ..request(IMAGES) },
-        Request { keep_weights: false, ..request(IMAGES) },
-        Request { keep_weights: false, parts: 4, ..request(IMAGES) },
+        request(IMAGES).parts(4),
+        request(IMAGES).head_images(2).sampling_images(3),
+        request(IMAGES).keep_weights(false),
+        request(IMAGES).keep_weights(false).parts(4),
         // All images through the heads at once, so that all weights pass through.
-        Request { keep_weights: false, head_images: Some(IMAGES), sampling_images: Some(IMAGES), ..request(IMAGES) },
+        request(IMAGES).keep_weights(false).head_images(IMAGES).sampling_images(IMAGES),
     ] {
         assert!(whole == all(&field(&weights, &other)), "{other:?}");
     }
     for keep_weights in [true, false] {
-        let with = |budget| Request { budget: Some(budget), keep_weights, ..request(IMAGES) };
+        let with = |budget| request(IMAGES).budget(budget).keep_weights(keep_weights);
         let least = match RunPlan::new(&weights, &with(1), engine().caps()) {
             Err(omnix::OmnixError::Budget { least, .. }) => least,
             other => panic!("a budget of one byte: {other:?}"),
@@ -65,8 +62,13 @@ fn chunks_of_the_run_change_no_bit() {
 fn run_of(session: &mut Session) -> Result<Vec<Vec<u32>>, OmnixError> {
     show(session, IMAGES);
     let mut found = Vec::new();
-    let field = session.run(&mut omnix::quiet(), &mut |frame| {
-        found.push(bits(&frame.depth));
+    let mut field = None;
+    session.run(&mut |event| {
+        match event {
+            Event::Frame(frame) => found.push(bits(&frame.depth)),
+            Event::Field(made) => field = Some(made),
+            _ => {}
+        }
         Ok(())
     })?;
     found.extend(all(&field.expect("motion was asked for")));
@@ -77,9 +79,9 @@ fn run_of(session: &mut Session) -> Result<Vec<Vec<u32>>, OmnixError> {
 fn a_session_without_weights_of_its_own_runs_again_also_after_a_break() {
     let weights = Weights::builtin().unwrap();
     let engine = engine();
-    let apart = Request { keep_weights: false, ..request(IMAGES) };
+    let apart = request(IMAGES).keep_weights(false);
     // Through the heads all at once: no stage's weights are loaded beforehand.
-    let at_once = Request { head_images: Some(IMAGES), sampling_images: Some(IMAGES), ..apart.clone() };
+    let at_once = apart.clone().head_images(IMAGES).sampling_images(IMAGES);
     for (request, loads) in [(apart, true), (at_once, false)] {
         let mut session = session(&engine, &weights, &request);
         let first = run_of(&mut session).unwrap();
@@ -88,11 +90,10 @@ fn a_session_without_weights_of_its_own_runs_again_also_after_a_break() {
             for at in 1..=2 {
                 show(&mut session, IMAGES);
                 let mut heard = 0;
-                let mut listen = |p: Progress| {
-                    heard += usize::from(p.phase == phase);
-                    if heard == at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-                };
-                let outcome = session.run(&mut listen, &mut |_| Ok(()));
+                let outcome = session.run(&mut |event| {
+                    heard += usize::from(matches!(event, Event::Progress(p) if p.phase == phase));
+                    if heard == at { Err(OmnixError::Interrupted) } else { Ok(()) }
+                });
                 let broken = matches!(outcome, Err(OmnixError::Interrupted));
                 assert_eq!(broken, heard == at, "{phase:?} {at}: {heard} reports");
                 assert!(broken || at == 2 || phase == Phase::Weights && !loads, "{phase:?} is not heard of");
@@ -103,11 +104,54 @@ fn a_session_without_weights_of_its_own_runs_again_also_after_a_break() {
 }
 
 #[test]
+fn a_run_tells_geometry_then_what_moves_then_the_field_and_nothing_more() {
+    let weights = Weights::builtin().unwrap();
+    let mut told = Vec::new();
+    let mut scores = Vec::new();
+    let run = session(&engine(), &weights, &request(IMAGES)).run(&mut |event| {
+        match event {
+            Event::Progress(_) => return Ok(()),
+            Event::Frame(frame) => told.push(format!("frame {}", frame.index)),
+            Event::Motion(motion) => {
+                told.push(format!("motion {}", motion.index));
+                scores.push((bits(&motion.theta), bits(&motion.confidence)));
+            }
+            Event::Field(field) => {
+                told.push("field".to_owned());
+                let kept = |image| (bits(&field.theta(image).unwrap()), bits(&field.confidence(image).unwrap()));
+                assert!(scores.iter().enumerate().all(|(image, told)| *told == kept(image)));
+            }
+            other => panic!("{other:?}"),
+        }
+        Ok(())
+    });
+    run.unwrap();
+    assert_eq!(told.join(", "), "frame 0, frame 1, frame 2, motion 0, motion 1, motion 2, field");
+}
+
+#[test]
+fn images_are_set_before_each_run() {
+    let weights = Weights::builtin().unwrap();
+    let engine = engine();
+    let plan = RunPlan::new(&weights, &request(IMAGES).motion(false), engine.caps()).unwrap();
+    let mut session = Session::new(&engine, &weights, plan, &mut omnix::quiet()).unwrap();
+    let missing = |session: &mut Session| session.run(&mut omnix::quiet()).unwrap_err().to_string();
+    assert!(missing(&mut session).contains("image 0 has not been set"));
+    for image in [0, 2] {
+        session.set_image(image, &crate::made::image(image as u32)).unwrap();
+    }
+    assert!(missing(&mut session).contains("image 1 has not been set"), "a run of black images would follow");
+    show(&mut session, IMAGES);
+    session.run(&mut omnix::quiet()).unwrap();
+    assert!(missing(&mut session).contains("image 0 has not been set"), "a run uses the images up");
+}
+
+#[test]
 fn a_file_gives_what_the_device_gives() {
     let (weights, dir) = (Weights::builtin().unwrap(), tempfile::tempdir().unwrap());
     let resident = field(&weights, &request(IMAGES));
     let whole = all(&resident);
-    let spooled = field(&weights, &Request { field: FieldPlace::Spool(dir.path().to_owned()), ..request(IMAGES) });
+    let spooled = field(&weights, &request(IMAGES).field(FieldPlace::Spool(dir.path().to_owned())));
     assert!(resident.on_device() && !spooled.on_device());
     assert!(whole == all(&spooled), "spooled");
     let path = dir.path().join("field.safetensors");

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use omnix::io::output::field::{Dtype, FieldReader, FieldWriter, TensorSpec};
-use omnix::{Field, FieldPlace, FieldPrecision, Pixels, Query, Request, Weights};
+use omnix::{Field, FieldPlace, FieldPrecision, Pixels, Query, Weights};
 use omnix_tests::Rng;
 
 use crate::made::{HEIGHT, WIDTH, bits, engine, field, request};
@@ -178,7 +178,7 @@ fn whole_at(point: usize) -> std::ops::Range<usize> {
 fn a_spool_gives_few_pixels_as_the_device_does() {
     let (weights, dir) = (Weights::builtin().unwrap(), tempfile::tempdir().unwrap());
     let resident = field(&weights, &request(3));
-    let spooled = field(&weights, &Request { field: FieldPlace::Spool(dir.path().to_owned()), ..request(3) });
+    let spooled = field(&weights, &request(3).field(FieldPlace::Spool(dir.path().to_owned())));
     let few = Pixels::List(vec![[WIDTH as u32 - 1, HEIGHT as u32 - 1], [3, 4], [3, 5], [3, 4]]);
     for times in [0..3, 1..2] {
         let query = Query::new(1, few.clone(), times);

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use omnix::{Engine, Field, Request, RunPlan, Session, Weights};
+use omnix::{Engine, Event, Field, Request, RunPlan, Session, Weights};
 use omnix_tests::{Rng, gpu};
 use serde_json::Value;
 
@@ -20,7 +20,7 @@ pub(crate) fn image(seed: u32) -> Vec<f32> {
 }
 
 pub(crate) fn request(images: usize) -> Request {
-    Request { motion: true, ..Request::new(images, HEIGHT, WIDTH) }
+    Request::new(images, HEIGHT, WIDTH).motion(true)
 }
 
 /// Ready to run the request over different images.
@@ -38,7 +38,20 @@ pub(crate) fn show(session: &mut Session, images: usize) {
 
 /// Runs the request over different images.
 pub(crate) fn field(weights: &Weights, request: &Request) -> Field {
-    session(&engine(), weights, request).run(&mut omnix::quiet(), &mut |_| Ok(())).unwrap().unwrap()
+    made(&mut session(&engine(), weights, request))
+}
+
+/// Runs a session that was given its images, for the field.
+pub(crate) fn made(session: &mut Session) -> Field {
+    let mut field = None;
+    let run = session.run(&mut |event| {
+        if let Event::Field(made) = event {
+            field = Some(*made);
+        }
+        Ok(())
+    });
+    run.unwrap();
+    field.expect("motion was asked for")
 }
 
 pub(crate) fn bits(numbers: &[f32]) -> Vec<u32> {

@@ -1,6 +1,6 @@
 //! Collections and networks at the edge of what is legal: results are finite and mean what they should.
 
-use omnix::{OmnixError, Pixels, Query, Request, RunPlan, Session, Weights};
+use omnix::{OmnixError, Pixels, Query, RunPlan, Session, Weights};
 
 use crate::made::{changed, engine, field, image, request};
 
@@ -36,7 +36,7 @@ fn two_images_of_one_time() {
     let weights = Weights::builtin().unwrap();
     // The same place in the same video, and the same instant of two synchronised ones.
     for times in [vec![(0, 3), (0, 3), (0, 4)], vec![(0, 1), (1, 1), (1, 2)]] {
-        let field = field(&weights, &Request { times: times.clone(), ..request(3) });
+        let field = field(&weights, &request(3).times(times.clone()));
         paths(&field);
         let known: Vec<_> = field.images().iter().map(|i| (i.video, i.frame)).collect();
         assert_eq!(known, times);
@@ -110,7 +110,7 @@ fn a_network_without_trajectories_says_so() {
 
 #[test]
 fn half_precision_weights_and_the_memory_that_was_promised() {
-    let request = Request { storage: omnix::WeightType::F16, ..request(4) };
+    let request = request(4).storage(omnix::WeightType::F16);
     paths(&field(&Weights::builtin().unwrap(), &request));
 }
 
@@ -127,7 +127,7 @@ fn a_weight_beyond_f16_is_refused_before_work_whichever_way_weights_come() {
     let engine = engine();
     for keep_weights in [true, false] {
         let with = |storage| {
-            let request = Request { storage, keep_weights, ..request(1) };
+            let request = request(1).storage(storage).keep_weights(keep_weights);
             let plan = RunPlan::new(&changed, &request, engine.caps()).unwrap();
             Session::new(&engine, &changed, plan, &mut omnix::quiet()).map(|_| ())
         };

@@ -1,10 +1,10 @@
 //! What stays on the device for a host's own passes has the bits of what is read back, whichever way its weights came, and lives as
 //! long as the host holds it.
 
-use omnix::{Engine, Field, Pixels, Query, Request, Weights};
+use omnix::{Engine, Event, Field, Pixels, Query, Weights};
 use omnix_kernels::{BufferSlice, readback};
 
-use crate::made::{HEIGHT, WIDTH, bits, engine, request, session};
+use crate::made::{HEIGHT, WIDTH, bits, engine, made, request, session};
 
 const IMAGES: usize = 3;
 
@@ -30,24 +30,40 @@ fn paths(field: &Field) -> Vec<Vec<u32>> {
 #[test]
 fn a_run_that_reads_nothing_back_finds_the_same() {
     let weights = Weights::builtin().unwrap();
-    let all_at_once = Request { head_images: Some(IMAGES), sampling_images: Some(IMAGES), ..request(IMAGES) };
+    let all_at_once = request(IMAGES).head_images(IMAGES).sampling_images(IMAGES);
     for engine in engines() {
         for request in [
-            Request { rays: true, ..request(IMAGES) },
+            request(IMAGES).rays(true),
             // Heads that run once, so that their weights pass through: with and without motion after them.
-            Request { keep_weights: false, ..all_at_once.clone() },
-            Request { keep_weights: false, motion: false, rays: true, ..all_at_once.clone() },
+            all_at_once.clone().keep_weights(false),
+            all_at_once.clone().keep_weights(false).motion(false).rays(true),
         ] {
             let mut expected = Vec::new();
-            let field = session(&engine, &weights, &request).run(&mut omnix::quiet(), &mut |frame| {
-                let (rays, rays_confidence) = frame.rays.unwrap_or_default();
-                let tensors = [&frame.depth, &frame.confidence, &rays, &rays_confidence].map(|v| bits(v));
-                expected.push((frame.index, tensors, frame.camera));
+            let mut field = None;
+            let run = session(&engine, &weights, &request).run(&mut |event| {
+                match event {
+                    Event::Frame(frame) => {
+                        let (rays, rays_confidence) = frame.rays.unwrap_or_default();
+                        let tensors = [&frame.depth, &frame.confidence, &rays, &rays_confidence].map(|v| bits(v));
+                        expected.push((frame.index, tensors, frame.camera));
+                    }
+                    Event::Field(made) => field = Some(made),
+                    _ => {}
+                }
                 Ok(())
             });
-            let field = field.unwrap();
+            run.unwrap();
             let (mut found, mut points) = (Vec::new(), Vec::new());
-            let resident = session(&engine, &weights, &request).run_resident(&mut omnix::quiet(), &mut |frame| {
+            let mut resident = None;
+            let run = session(&engine, &weights, &request).run_resident(&mut |event| {
+                let frame = match event {
+                    Event::Resident(frame) => frame,
+                    Event::Field(made) => {
+                        resident = Some(made);
+                        return Ok(());
+                    }
+                    _ => return Ok(()),
+                };
                 let rays = frame.rays.map(|(rays, confidence)| [rays, confidence].map(|slice| read(&engine, &slice)));
                 let [rays, rays_confidence] = rays.unwrap_or_default();
                 let [depth, confidence] = [&frame.depth, &frame.confidence].map(|slice| read(&engine, slice));
@@ -56,7 +72,7 @@ fn a_run_that_reads_nothing_back_finds_the_same() {
                 points.extend(frame.points.map(|slice| read(&engine, &slice)));
                 Ok(())
             });
-            let resident = resident.unwrap();
+            run.unwrap();
             assert!(expected.len() == IMAGES && expected == found, "{request:?}");
             assert_eq!((field.is_some(), resident.is_some()), (request.motion, request.motion));
             let (Some(field), Some(resident)) = (field, resident) else { continue };
@@ -71,15 +87,14 @@ fn a_run_that_reads_nothing_back_finds_the_same() {
 fn paths_on_the_device_outlive_what_made_them() {
     let weights = Weights::builtin().unwrap();
     for engine in engines() {
-        let field =
-            session(&engine, &weights, &request(IMAGES)).run(&mut omnix::quiet(), &mut |_| Ok(())).unwrap().unwrap();
+        let field = made(&mut session(&engine, &weights, &request(IMAGES)));
         let expected = paths(&field);
         let resident: Vec<_> = (0..IMAGES).map(|i| field.resident_paths(&query(i)).unwrap()).collect();
         let none = field.resident_paths(&Query::new(0, Pixels::List(Vec::new()), 0..IMAGES));
         assert!(none.unwrap_err().to_string().contains("no pixels"));
         drop(field);
         // Work that would take memory that was given back too early.
-        session(&engine, &weights, &request(IMAGES)).run(&mut omnix::quiet(), &mut |_| Ok(())).unwrap();
+        session(&engine, &weights, &request(IMAGES)).run(&mut omnix::quiet()).unwrap();
         let found: Vec<_> = resident.iter().flat_map(|p| [&p.positions, &p.theta]).map(|s| read(&engine, s)).collect();
         assert!(expected == found);
     }

@@ -11,7 +11,7 @@ pub(crate) type Report<'a> = &'a mut dyn FnMut(&str, &[f32], &[f32]);
 
 /// Plans a graph, uploads its weights and makes its pipelines.
 pub(crate) fn prepare(weights: &Weights, graph: &Graph, storage: WeightType) -> Result<Executable, OmnixError> {
-    let plan = Plan::new(graph, &gpu().caps, &PlanOptions { storage, ..PlanOptions::default() })?;
+    let plan = Plan::new(graph, &gpu().caps, &PlanOptions::default().storage(storage))?;
     let store = WeightStore::load(gpu(), weights, &plan.weights, &mut |_, _| ControlFlow::Continue(()))?;
     Ok(Executable::new(gpu(), plan, &store, &Bindings::default())?)
 }

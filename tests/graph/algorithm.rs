@@ -22,7 +22,7 @@ fn graph() -> Graph {
 }
 
 fn forms(caps: &Caps, storage: WeightType) -> Vec<WeightForm> {
-    let plan = Plan::new(&graph(), caps, &PlanOptions { storage, ..PlanOptions::default() }).expect("plans");
+    let plan = Plan::new(&graph(), caps, &PlanOptions::default().storage(storage)).expect("plans");
     let form = |op: &Op| if let Op::Conv2d(conv) = op { Some(conv.form) } else { None };
     plan.graph.nodes().iter().filter_map(|node| form(&node.op)).collect()
 }

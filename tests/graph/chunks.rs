@@ -14,7 +14,7 @@ const HEADS: (usize, usize) = (2, 32);
 
 fn bits(gpu: &Gpu, parts: usize) -> Vec<u32> {
     let graph = two_blocks(GROUPS, TOKENS, HEADS);
-    let y = run(gpu, &graph, &PlanOptions { parts, ..PlanOptions::default() });
+    let y = run(gpu, &graph, &PlanOptions::default().parts(parts));
     assert!(y.iter().all(|v| v.is_finite()));
     y.iter().map(|v| v.to_bits()).collect()
 }
@@ -57,7 +57,7 @@ fn tables_as_long_as_their_operand_are_cut_with_it() {
     g.output(y, "y");
     for gpu in tiers() {
         let of = |parts| {
-            let options = PlanOptions { parts, ..PlanOptions::default() };
+            let options = PlanOptions::default().parts(parts);
             let plan = Plan::new(&g, &gpu.caps, &options).expect("plans");
             assert_eq!(plan.chunks().iter().any(|(_, all, chunk)| chunk < all), parts > 1, "chunks in {parts} parts");
             run(&gpu, &g, &options)
@@ -75,7 +75,7 @@ fn a_budget_is_met_or_the_least_is_named() {
     let caps = Caps::baseline();
     let free = Plan::new(&graph, &caps, &PlanOptions::default()).expect("plans").working_bytes();
     let budget = free * 17 / 20;
-    let options = |budget| PlanOptions { budget: Some(budget), ..PlanOptions::default() };
+    let options = |budget| PlanOptions::default().budget(budget);
     let tight = Plan::new(&graph, &caps, &options(budget)).expect("fits in chunks");
     assert!(
         tight.working_bytes() <= budget && tight.parts > 1,

@@ -28,7 +28,7 @@ fn every_kernel_of_a_plan_compiles_with_nothing_bound_and_changes_nothing() {
     for registers in [16, 32] {
         for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
             let caps = first.caps.clone().with_vector_registers(registers);
-            let options = PlanOptions { storage, ..PlanOptions::default() };
+            let options = PlanOptions::default().storage(storage);
             let plan = Plan::new(&graph, &caps, &options).expect("plans");
             let kernels = plan.kernels().expect("records");
             for kernel in ["attention", "layer_norm", "linear", "split_heads"] {

@@ -38,7 +38,7 @@ pub(crate) fn table(rows: usize, columns: usize, given: bool) -> Graph {
 fn what_no_input_reaches_is_no_part_of_a_run() {
     let graph = table(8, 10, false);
     for fuse in [true, false] {
-        let options = PlanOptions { fuse, ..PlanOptions::default() };
+        let options = PlanOptions::default().fuse(fuse);
         let plan = Plan::new(&graph, &gpu().caps, &options).expect("plans");
         let fixed: Vec<_> = plan.graph.nodes()[..plan.fixed].iter().map(|node| node.op.name()).collect();
         assert_eq!(fixed, if fuse { vec!["resize", "linear"] } else { vec!["resize", "linear", "pointwise"] });

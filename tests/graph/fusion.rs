@@ -13,7 +13,7 @@ fn check(what: &str, graph: &Graph, left: usize) {
     let names: Vec<_> = fused.nodes().iter().map(|n| n.op.name()).collect();
     assert_eq!(names.len(), left, "{what}: {names:?}");
     for gpu in tiers() {
-        let plain = run(&gpu, graph, &PlanOptions { fuse: false, ..PlanOptions::default() });
+        let plain = run(&gpu, graph, &PlanOptions::default().fuse(false));
         let fast = run(&gpu, graph, &PlanOptions::default());
         assert_close(&format!("{what}, {}", gpu.caps.tier), &fast, &plain, 1e-6);
     }
@@ -114,7 +114,7 @@ fn a_transformer_block_has_no_pointwise_nodes_left() {
     let fused = fuse(&graph);
     assert!(fused.nodes().iter().all(|n| !matches!(n.op, Op::Map(_) | Op::Zip(_))));
     for gpu in tiers() {
-        let plain = run(&gpu, &graph, &PlanOptions { fuse: false, ..PlanOptions::default() });
+        let plain = run(&gpu, &graph, &PlanOptions::default().fuse(false));
         assert_close("two blocks", &run(&gpu, &graph, &PlanOptions::default()), &plain, 1e-6);
     }
 }

@@ -10,8 +10,7 @@ use crate::support::two_blocks;
 fn values_of_one_node_never_share_a_buffer() {
     for parts in [1, 3] {
         let graph = two_blocks(6, 75, (2, 32));
-        let plan =
-            Plan::new(&graph, &Caps::baseline(), &PlanOptions { parts, ..PlanOptions::default() }).expect("plans");
+        let plan = Plan::new(&graph, &Caps::baseline(), &PlanOptions::default().parts(parts)).expect("plans");
         for node in plan.graph.nodes() {
             let inputs = node.op.inputs();
             let mut seen: Vec<_> = inputs.iter().chain(&node.outputs).map(|v| plan.graph.root(*v)).collect();
@@ -33,7 +32,7 @@ fn no_two_values_that_are_alive_together_share_a_buffer() {
     for (graph, (parts, streamed)) in
         graphs.iter().flat_map(|g| [(1, false), (1, true), (3, false)].map(|how| (g, how)))
     {
-        let options = PlanOptions { parts, streamed, ..PlanOptions::default() };
+        let options = PlanOptions::default().parts(parts).streamed(streamed);
         let plan = Plan::new(graph, &Caps::lavapipe(), &options).expect("plans");
         let nodes = plan.graph.nodes();
         // From the node that makes it to the last that reads it; what is computed once is read by all runs.
@@ -78,7 +77,7 @@ fn int8_is_for_linear_layers_and_counts_a_byte_a_weight() {
     let y = g.linear(x, w, None).expect("fc");
     g.output(y, "y");
     let bytes = |storage| {
-        let plan = Plan::new(&g, &Caps::baseline(), &PlanOptions { storage, ..PlanOptions::default() }).expect("plans");
+        let plan = Plan::new(&g, &Caps::baseline(), &PlanOptions::default().storage(storage)).expect("plans");
         let of = |name: &str| plan.weights.iter().find(|k| &*k.parameter.name == name).map_or(0, |k| k.bytes());
         (of("conv"), of("fc"))
     };

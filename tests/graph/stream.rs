@@ -16,7 +16,7 @@ fn go(_: u64, _: u64) -> ControlFlow<()> {
 }
 
 fn streamed(gpu: &Gpu, graph: &Graph, options: &PlanOptions) -> Streamed {
-    let plan = Plan::new(graph, &gpu.caps, &PlanOptions { streamed: true, ..*options }).expect("plans");
+    let plan = Plan::new(graph, &gpu.caps, &options.streamed(true)).expect("plans");
     let streamed = Streamed::new(gpu, plan, &Bindings::default()).expect("prepares");
     feed(&streamed, graph);
     streamed
@@ -32,7 +32,7 @@ fn passing_weights_give_the_bits_of_weights_that_stay() {
         // Chains in chunks: each reads its weights again.
         (&blocks, WeightType::F32, 4),
     ] {
-        let options = PlanOptions { storage, parts, ..PlanOptions::default() };
+        let options = PlanOptions::default().storage(storage).parts(parts);
         let windows = lent.with_caps(lent.caps.clone().with_vector_registers(16));
         for gpu in [gpu(), &lent, &windows] {
             let stay = run(gpu, graph, &options);
@@ -148,9 +148,9 @@ fn a_run_reads_each_weight_once() {
 fn a_budget_is_for_passing_weights_too() {
     let graph = two_blocks(64, 75, (2, 32));
     let taken = |plan: &Plan| plan.working_bytes() + plan.resident_weight_bytes();
-    let options = |budget| PlanOptions { budget: Some(budget), streamed: true, ..PlanOptions::default() };
+    let options = |budget| PlanOptions::default().budget(budget).streamed(true);
     let plan = |budget| Plan::new(&graph, &gpu().caps, &options(budget));
-    let unbounded = PlanOptions { streamed: true, ..PlanOptions::default() };
+    let unbounded = PlanOptions::default().streamed(true);
     let free = taken(&Plan::new(&graph, &gpu().caps, &unbounded).expect("plans"));
     let tight = plan(free * 17 / 20).expect("fits in chunks");
     assert!(tight.parts > 1 && taken(&tight) <= free * 17 / 20, "{} of {free}", taken(&tight));

@@ -46,7 +46,7 @@ fn staging_buffers_and_buffers_in_place_give_the_same_bits() {
     let lavapipe = gpu().device.adapter_info().name.starts_with("llvmpipe");
     assert_eq!(gpu().imports(), lavapipe && cfg!(target_os = "linux"), "lavapipe is opened so that it imports memory");
     for storage in [WeightType::F32, WeightType::F16, WeightType::I8] {
-        let options = PlanOptions { storage, ..PlanOptions::default() };
+        let options = PlanOptions::default().storage(storage);
         let bits = |gpu: &Gpu| run(gpu, &graph, &options).iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         for lent in [&lent, &windows] {
             let staged = bits(lent);
@@ -151,7 +151,7 @@ fn a_weight_beyond_f16_is_named_by_its_place_in_the_checkpoint() {
     g.output(y, "y");
     g.output(map, "map");
     let load = |storage, name, at, value| {
-        let options = PlanOptions { storage, ..PlanOptions::default() };
+        let options = PlanOptions::default().storage(storage);
         let plan = Plan::new(&g, &gpu().caps, &options).expect("plans");
         let source = With(Seeded(&g), name, at, value);
         WeightStore::load(gpu(), &source, &plan.weights, &mut |_, _| ControlFlow::Continue(())).map(|_| ())

@@ -7,7 +7,7 @@ use omnix_model::{BackboneSpec, HeadSpec, Network, NetworkConfig, ReferenceChoic
 const GRID: (usize, usize) = (20, 36);
 
 fn backbone(config: NetworkConfig, images: usize, parts: usize) -> Plan {
-    backbone_with(config, images, &PlanOptions { parts, ..PlanOptions::default() })
+    backbone_with(config, images, &PlanOptions::default().parts(parts))
 }
 
 fn backbone_with(config: NetworkConfig, images: usize, options: &PlanOptions) -> Plan {
@@ -78,8 +78,8 @@ fn chunks_leave_five_streams_in_memory() {
 #[test]
 fn a_giant_network_holds_few_of_its_weights() {
     for parts in [1, 64] {
-        let options = PlanOptions { parts, ..PlanOptions::default() };
-        let plan = |streamed| backbone_with(NetworkConfig::giant(), 16, &PlanOptions { streamed, ..options });
+        let options = PlanOptions::default().parts(parts);
+        let plan = |streamed| backbone_with(NetworkConfig::giant(), 16, &options.streamed(streamed));
         let (stay, pass) = (plan(false), plan(true));
         let (passing, all) = (pass.resident_weight_bytes(), pass.weight_bytes());
         assert!(passing * 30 < all, "{} of {} MiB in {parts} parts", passing >> 20, all >> 20);
@@ -96,7 +96,7 @@ fn short_chains_are_taken_only_where_they_save_memory() {
     let spec = omnix_model::MotionSpec { images: 64, grid: (20, 36), times: (0..64).map(|i| (0, i)).collect() };
     Network::new(config).motion(&mut graph, &spec).unwrap();
     let plan = |streamed| {
-        let options = PlanOptions { parts: 64, streamed, ..PlanOptions::default() };
+        let options = PlanOptions::default().parts(64).streamed(streamed);
         Plan::new(&graph, &Caps::lavapipe(), &options).unwrap()
     };
     let taken = |plan: &Plan| plan.working_bytes() + plan.resident_weight_bytes();

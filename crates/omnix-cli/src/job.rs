@@ -103,15 +103,13 @@ pub(crate) fn chosen_exports(
 
 /// The request of `images` pictures under these options; one video in order.
 pub(crate) fn request(args: &RunArgs, images: usize, width: u32, height: u32) -> Request {
-    Request {
-        reference: args.reference,
-        rays: args.cameras == Cameras::Rays,
-        storage: args.weights_type.into(),
-        budget: args.memory_budget,
-        // One run: weights pass through, or leave when their stage is done.
-        keep_weights: false,
-        ..Request::new(images, height as usize, width as usize)
-    }
+    // One run: weights pass through, or leave when their stage is done.
+    Request::new(images, height as usize, width as usize)
+        .reference(args.reference)
+        .rays(args.cameras == Cameras::Rays)
+        .storage(args.weights_type.into())
+        .budget(args.memory_budget)
+        .keep_weights(false)
 }
 
 fn choice(args: &RunArgs) -> FrameChoice {
@@ -135,8 +133,8 @@ fn budget(args: &RunArgs, cpu: bool, pictures: u64) -> Result<Option<u64>, CliEr
 fn largest(weights: &Weights, request: &Request, caps: &Caps) -> Option<usize> {
     let since = Instant::now();
     let fits = |n: usize| {
-        let times = request.times.iter().take(n).copied().collect();
-        RunPlan::new(weights, &Request { images: n, times, reference: None, ..request.clone() }, caps).is_ok()
+        let times: Vec<_> = request.times.iter().take(n).copied().collect();
+        RunPlan::new(weights, &request.clone().images(n).times(times).reference(None), caps).is_ok()
     };
     if !fits(1) {
         return None;

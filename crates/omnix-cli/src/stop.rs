@@ -3,6 +3,8 @@
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use omnix::OmnixError;
+
 static ASKED: AtomicBool = AtomicBool::new(false);
 
 /// Takes the signal from now on. Where the system refuses, Ctrl-C keeps ending the program at once.
@@ -23,7 +25,12 @@ pub(crate) fn asked() -> bool {
     ASKED.load(Ordering::SeqCst)
 }
 
-/// For the engine's progress callbacks.
+/// The answer to the progress of work that can only go on or break off.
 pub(crate) fn flow() -> ControlFlow<()> {
     if asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// The answer to the engine's events.
+pub(crate) fn answer() -> Result<(), OmnixError> {
+    if asked() { Err(OmnixError::Interrupted) } else { Ok(()) }
 }

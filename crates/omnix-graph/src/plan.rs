@@ -25,6 +25,7 @@ use stretch::passing_bytes;
 
 /// A graph made ready for one kind of device: made once for a shape, run many times.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Plan {
     /// The fused graph.
     pub graph: Graph,

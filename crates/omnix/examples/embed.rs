@@ -6,7 +6,7 @@
 #![expect(clippy::print_stdout, reason = "an example prints what it did")]
 
 use omnix::wgpu::{self, util::DeviceExt as _};
-use omnix::{Engine, OmnixError, Request, ResidentGeometry, RunPlan, Session, Weights};
+use omnix::{Engine, Event, Request, ResidentGeometry, RunPlan, Session, Weights};
 
 /// The host's own kernel: mean depth of one image, by one invocation (a real program would do better).
 const SHADER: &str = "
@@ -41,16 +41,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let engine = Engine::new(&device, &queue);
     let weights = Weights::builtin()?;
     let (height, width) = SIZE;
-    let request = Request { head_images: Some(1), ..Request::new(IMAGES, height, width) };
+    let request = Request::new(IMAGES, height, width).head_images(1);
     let plan = RunPlan::new(&weights, &request, engine.caps())?;
     println!("the engine will take {} MiB", plan.peak_bytes() >> 20);
     let mut session = Session::new(&engine, &weights, plan, &mut omnix::quiet())?;
     for image in 0..IMAGES {
         session.set_image(image, &made_up_picture(image))?;
     }
-    session.run_resident(&mut omnix::quiet(), &mut |frame| {
-        host.use_depth(&frame);
-        Ok::<(), OmnixError>(())
+    session.run_resident(&mut |event| {
+        if let Event::Resident(frame) = event {
+            host.use_depth(&frame);
+        }
+        Ok(())
     })?;
     println!("mean depth of each image, computed on the device: {:?}", host.read()?);
     Ok(())

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 
 use omnix_graph::profile::{Span, profile};
 use omnix_graph::{Bindings, Executable, Graph, ParameterSource, Plan, PlanOptions, WeightStore};
@@ -11,7 +12,6 @@ use omnix_model::{BackboneSpec, HeadSpec, Network, Parts};
 
 use crate::engine::Engine;
 use crate::error::OmnixError;
-use crate::progress::quiet;
 use crate::request::PATCH;
 
 /// Weights that depend on the names of the tensors alone. Matrices keep the scale of what passes through them, norms are
@@ -144,8 +144,7 @@ impl NetworkBench {
         let plan = |graph: &Graph| Plan::new(graph, &gpu.caps, &PlanOptions::default());
         let (backbone, head) = (plan(&backbone)?, plan(&head)?);
         let keys: Vec<_> = backbone.weights.iter().chain(&head.weights).cloned().collect();
-        let mut hush = quiet();
-        let mut report = |done, total| hush(crate::Progress { phase: crate::Phase::Weights, done, total });
+        let mut report = |_, _| ControlFlow::Continue(());
         let store = WeightStore::load(gpu, &RandomWeights::new(config), &keys, &mut report)?;
         let backbone = Executable::new(gpu, backbone, &store, &Bindings::default())?;
         let head = Executable::new(gpu, head, &store, &Bindings::default())?;
@@ -175,7 +174,7 @@ impl NetworkBench {
             }
             Ok::<_, OmnixError>(best)
         };
-        let go = |_, _| std::ops::ControlFlow::Continue(());
+        let go = |_, _| ControlFlow::Continue(());
         let backbone = least(&|| Ok(self.backbone.run(&mut { go })?))?;
         for k in 0..4 {
             let name = format!("feat.{k}");

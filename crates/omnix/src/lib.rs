@@ -4,7 +4,7 @@
 //! results image by image, on the device or on the host.
 //!
 //! ```no_run
-//! use omnix::{Engine, Request, RunPlan, Session, Weights};
+//! use omnix::{Engine, Event, Request, RunPlan, Session, Weights};
 //!
 //! # fn main() -> Result<(), omnix::OmnixError> {
 //! let weights = Weights::find("nano")?; // or Weights::open(folder)
@@ -15,8 +15,10 @@
 //! let mut session = Session::new(&engine, &weights, plan, &mut omnix::quiet())?;
 //! session.set_image(0, &vec![0.0; 3 * 84 * 140])?;
 //! session.set_image(1, &vec![0.0; 3 * 84 * 140])?;
-//! session.run(&mut omnix::quiet(), &mut |frame| {
-//!     println!("image {}: {} depths", frame.index, frame.depth.len());
+//! session.run(&mut |event| {
+//!     if let Event::Frame(frame) = event {
+//!         println!("image {}: {} depths", frame.index, frame.depth.len());
+//!     }
 //!     Ok(())
 //! })?;
 //! # Ok(())
@@ -26,15 +28,16 @@
 pub mod bench;
 mod engine;
 mod error;
+mod event;
 mod field;
 mod plan;
-mod progress;
 mod request;
 mod session;
 mod weights;
 
 pub use engine::{DeviceInfo, Engine};
 pub use error::OmnixError;
+pub use event::{Event, FrameGeometry, FrameMotion, Listener, Phase, Progress, ResidentGeometry, quiet};
 pub use field::{
     About, Chunk, Field, FieldImage, FieldPrecision, FieldShape, ImageMotion, PathPiece, Paths, PixelValues, Pixels,
     Query, ResidentPaths,
@@ -43,9 +46,8 @@ pub use omnix_geometry::{AlignTo, Camera};
 pub use omnix_kernels::{Caps, Tier, WeightType};
 pub use omnix_model::backbone::ReferenceChoice;
 pub use plan::{FieldSummary, MotionPlan, PlanSummary, RunPlan, StageSummary};
-pub use progress::{Phase, Progress, quiet};
 pub use request::{FieldPlace, Request};
-pub use session::{FrameGeometry, ResidentGeometry, Session};
+pub use session::Session;
 pub use weights::Weights;
 
 pub use omnix_geometry as geometry;

@@ -9,16 +9,14 @@ mod stages;
 mod summary;
 
 use omnix_graph::Plan;
-use omnix_kernels::Caps;
 
-use crate::error::OmnixError;
-use crate::field::{self, Chunk, FieldShape};
+use crate::field::{Chunk, FieldShape};
 use crate::request::Request;
-use crate::weights::Weights;
 pub use summary::{FieldSummary, PlanSummary, StageSummary};
 
 /// Everything a run will do.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct RunPlan {
     /// What was asked.
     pub request: Request,
@@ -36,6 +34,7 @@ pub struct RunPlan {
 
 /// The stages that make a field.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct MotionPlan {
     /// The trajectory module over all images.
     pub module: Plan,
@@ -59,18 +58,6 @@ pub struct MotionPlan {
 const OVERHEAD: u64 = 4 << 20;
 
 impl RunPlan {
-    /// Plans `request` for a device with `caps`.
-    ///
-    /// # Errors
-    /// [`OmnixError::Budget`] with the least that works, or what is wrong with the request.
-    pub fn new(weights: &Weights, request: &Request, caps: &Caps) -> Result<Self, OmnixError> {
-        request.check()?;
-        if request.motion {
-            field::motion_of(weights)?;
-        }
-        stages::plan(weights, request, caps)
-    }
-
     /// Bytes of all weights.
     #[must_use]
     pub fn weight_bytes(&self) -> u64 {

@@ -8,8 +8,10 @@ use omnix_model::backbone::ReferenceChoice;
 
 use crate::error::OmnixError;
 
-/// Images of one scene, all of one size, and what is wanted of them.
+/// Images of one scene, all of one size, and what is wanted of them. Made by [`Request::new`] and changed by the methods of its
+/// fields' names.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Request {
     /// Number of images.
     pub images: usize,
@@ -36,7 +38,7 @@ pub struct Request {
     pub keep_weights: bool,
     /// Bytes of device memory that the run may take.
     pub budget: Option<u64>,
-    /// Chains go in at least so many parts; 1 unless a test wants chunks.
+    /// Minimum number of row chunks per chain. Leave at 1; tests raise it.
     pub parts: usize,
     /// Images through the head at a time; `None` lets the device's kind and the budget decide.
     pub head_images: Option<usize>,
@@ -48,6 +50,7 @@ pub struct Request {
 
 /// Where a field is kept while it is used.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum FieldPlace {
     /// On the device if it fits the budget, else as [`FieldPlace::Spool`] in the system's folder for temporary files.
     #[default]
@@ -118,6 +121,100 @@ impl Request {
             return wrong(format!("{} cameras for {} images", cameras.len(), self.images));
         }
         Ok(())
+    }
+}
+
+/// One method for each field that has a default.
+impl Request {
+    /// Number of images.
+    #[must_use]
+    pub fn images(mut self, images: usize) -> Self {
+        self.images = images;
+        self
+    }
+
+    /// (video, frame) of each image.
+    #[must_use]
+    pub fn times(mut self, times: Vec<(u32, u32)>) -> Self {
+        self.times = times;
+        self
+    }
+
+    /// Which view carries the reference token; `None` is the network's own default.
+    #[must_use]
+    pub fn reference(mut self, reference: impl Into<Option<ReferenceChoice>>) -> Self {
+        self.reference = reference.into();
+        self
+    }
+
+    /// Whether ray maps are wanted.
+    #[must_use]
+    pub fn rays(mut self, rays: bool) -> Self {
+        self.rays = rays;
+        self
+    }
+
+    /// Whether trajectories are wanted.
+    #[must_use]
+    pub fn motion(mut self, motion: bool) -> Self {
+        self.motion = motion;
+        self
+    }
+
+    /// How weights are stored on the device.
+    #[must_use]
+    pub fn storage(mut self, storage: WeightType) -> Self {
+        self.storage = storage;
+        self
+    }
+
+    /// Whether weights stay on the device for the next run.
+    #[must_use]
+    pub fn keep_weights(mut self, keep_weights: bool) -> Self {
+        self.keep_weights = keep_weights;
+        self
+    }
+
+    /// Bytes of device memory that the run may take; `None` for no bound.
+    #[must_use]
+    pub fn budget(mut self, budget: impl Into<Option<u64>>) -> Self {
+        self.budget = budget.into();
+        self
+    }
+
+    /// Minimum number of row chunks per chain.
+    #[must_use]
+    pub fn parts(mut self, parts: usize) -> Self {
+        self.parts = parts;
+        self
+    }
+
+    /// Images through the head at a time; `None` lets the device's kind and the budget decide.
+    #[must_use]
+    pub fn head_images(mut self, head_images: impl Into<Option<usize>>) -> Self {
+        self.head_images = head_images.into();
+        self
+    }
+
+    /// Images through the sampling head at a time, alike.
+    #[must_use]
+    pub fn sampling_images(mut self, sampling_images: impl Into<Option<usize>>) -> Self {
+        self.sampling_images = sampling_images.into();
+        self
+    }
+
+    /// Where a field is kept.
+    #[must_use]
+    pub fn field(mut self, field: FieldPlace) -> Self {
+        self.field = field;
+        self
+    }
+
+    /// Known cameras (for the processed size), world-to-camera, and what they do to the result.
+    #[must_use]
+    pub fn cameras(mut self, cameras: Vec<Camera>, align: AlignTo) -> Self {
+        (self.cameras, self.align) = (Some(cameras), align);
+        self
     }
 }
 

@@ -1,63 +1,22 @@
 //! A run on a device: images in, then results image by image, then the field that trajectories are evaluated from.
 
+mod geometry;
+mod handover;
 mod motion;
 mod on_device;
 mod readback;
-mod stages;
 mod warmup;
 
-use std::ops::ControlFlow;
-
-use omnix_geometry::Camera;
 use omnix_graph::Bindings;
-use omnix_kernels::BufferSlice;
 
 use crate::engine::Engine;
 use crate::error::OmnixError;
-use crate::field::Field;
+use crate::event::{Event, Listener};
 use crate::plan::RunPlan;
-use crate::progress::Progress;
 use crate::weights::Weights;
 use on_device::{OnDevice, SessionWeights};
-use readback::{HandOut, Resident, Results};
+use readback::{Readbacks, Resident, Results};
 use warmup::Warmup;
-
-/// What was found out about one image.
-#[derive(Clone, Debug)]
-pub struct FrameGeometry {
-    /// Index of the image.
-    pub index: usize,
-    /// Depth along the camera's z axis, `[height, width]`, in the network's own scale.
-    pub depth: Vec<f32>,
-    /// Confidence of each depth, at least 1.
-    pub confidence: Vec<f32>,
-    /// World-to-camera pose and intrinsics in pixels of the processed image.
-    pub camera: Camera,
-    /// `[8·height/14, 8·width/14, 6]` direction and origin in the world, and a confidence each, if asked for.
-    pub rays: Option<(Vec<f32>, Vec<f32>)>,
-}
-
-/// What was found out about one image, on the device: f32, row-major, storage buffers that can also be copied from.
-///
-/// An image that is not the first of its chunk begins where its numbers do, which need not be a multiple of the binding
-/// alignment: bind the whole buffer and pass the offset, or plan with `head_images: Some(1)`, where offsets are 0.
-#[derive(Clone, Debug)]
-pub struct ResidentGeometry {
-    /// Index of the image.
-    pub index: usize,
-    /// Depth `[height, width]` before [`ResidentGeometry::depth_scale`].
-    pub depth: BufferSlice,
-    /// Confidence `[height, width]`.
-    pub confidence: BufferSlice,
-    /// World-to-camera pose and intrinsics in pixels of the processed image.
-    pub camera: Camera,
-    /// What depth is multiplied by: 1 unless cameras were given.
-    pub depth_scale: f32,
-    /// Rays and their confidence as in [`FrameGeometry::rays`], if asked for.
-    pub rays: Option<(BufferSlice, BufferSlice)>,
-    /// World points `[height, width, 3]`, where trajectories are wanted.
-    pub points: Option<BufferSlice>,
-}
 
 /// A planned run with its memory on the device.
 #[derive(Debug)]
@@ -66,6 +25,8 @@ pub struct Session {
     plan: RunPlan,
     weights: SessionWeights,
     backbone: Option<OnDevice>,
+    /// Which images were written since the backbone last ran.
+    written: Vec<bool>,
     /// Ends when the session does.
     _warmup: Warmup,
     /// Bytes of images written since the last submission.
@@ -75,20 +36,19 @@ pub struct Session {
 /// Images are submitted in pieces of about this size.
 const FLUSH: u64 = 4 << 20;
 
-/// The listener of long work.
-pub(crate) type Listener<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
-
 impl Session {
     /// Uploads the weights (or only verifies them, if the plan streams them) and allocates the backbone. Meanwhile, and
     /// while the first stages run, up to four threads make the pipelines of all stages (on lavapipe one of them submits a dispatch of
     /// nothing and waits for it).
     ///
     /// # Errors
-    /// When a weight of any stage is damaged, memory runs out, or `progress` broke off.
-    pub fn new(engine: &Engine, weights: &Weights, plan: RunPlan, progress: Listener<'_>) -> Result<Self, OmnixError> {
+    /// When a weight of any stage is damaged, memory runs out, or `listener` broke off.
+    pub fn new(engine: &Engine, weights: &Weights, plan: RunPlan, listener: Listener<'_>) -> Result<Self, OmnixError> {
         let warmup = Warmup::start(engine.gpu(), &plan);
-        let weights = SessionWeights::new(engine.gpu(), weights, &plan, progress)?;
-        let mut session = Self { engine: engine.clone(), plan, weights, backbone: None, _warmup: warmup, unflushed: 0 };
+        let weights = SessionWeights::new(engine.gpu(), weights, &plan, listener)?;
+        let written = vec![false; plan.request.images];
+        let mut session =
+            Self { engine: engine.clone(), plan, weights, backbone: None, written, _warmup: warmup, unflushed: 0 };
         session.backbone()?;
         Ok(session)
     }
@@ -108,7 +68,8 @@ impl Session {
         Ok(self.backbone.insert(made))
     }
 
-    /// Writes image `index`: `[3, height, width]`, normalised (`omnix::io::preprocess::normalise`).
+    /// Writes image `index`: `[3, height, width]`, normalised (`omnix::io::preprocess::normalise`). A run uses the images up: all of
+    /// them are written again before the next.
     ///
     /// # Errors
     /// When the index or the length is wrong, or a number is not finite: one would spoil every image.
@@ -132,6 +93,7 @@ impl Session {
             });
         }
         self.backbone()?.write_at("images", index * size, pixels)?;
+        self.written[index] = true;
         // What is written waits in staging memory for the next submission: thousands of images must not pile up there.
         self.unflushed += size as u64 * 4;
         if self.unflushed >= FLUSH {
@@ -142,42 +104,40 @@ impl Session {
         Ok(())
     }
 
-    /// Runs the network and hands each image's results to `each`, in order, while the device computes the next images; then
-    /// makes the field, if the request asks for motion. What `each` was given is finished whatever happens later, and what
-    /// was computed when `progress` breaks off is still given.
+    /// Runs the network and tells `listener` each image's geometry, in order, while the device computes the next images; then, if
+    /// the request asks for motion, what moves in each image, and the field. What was told is finished whatever happens
+    /// later, and geometry that was computed when the listener breaks off is still told.
     ///
     /// # Errors
-    /// When the device fails, `progress` broke off ([`OmnixError::Interrupted`]), or `each` did.
-    pub fn run(
-        &mut self,
-        progress: Listener<'_>,
-        each: &mut dyn FnMut(FrameGeometry) -> Result<(), OmnixError>,
-    ) -> Result<Option<Field>, OmnixError> {
-        let gpu = self.engine.gpu().clone();
-        let mut results = HandOut::new(&gpu, self.plan.head_images, each);
-        self.run_stages(progress, &mut results)
+    /// When an image has not been set since the last run, the device fails, or `listener` failed or broke off.
+    pub fn run(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        let mut results = Readbacks::new(self.engine.gpu(), self.plan.head_images);
+        self.run_stages(listener, &mut results)
     }
 
-    /// As [`Session::run`], with results that stay on the device: nothing is read back but the cameras, a few numbers. What
-    /// the host submits to the engine's queue inside `each` sees this image's results; the next images overwrite them.
+    /// As [`Session::run`], with results that stay on the device ([`Event::Resident`]): nothing is read back but the cameras, a
+    /// few numbers. What the host submits to the engine's queue while it is told of an image sees this image's results; the
+    /// next images overwrite them.
     ///
     /// # Errors
     /// As [`Session::run`].
-    pub fn run_resident(
-        &mut self,
-        progress: Listener<'_>,
-        each: &mut dyn FnMut(ResidentGeometry) -> Result<(), OmnixError>,
-    ) -> Result<Option<Field>, OmnixError> {
-        self.run_stages(progress, &mut Resident(each))
+    pub fn run_resident(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        self.run_stages(listener, &mut Resident)
     }
 
-    fn run_stages(&mut self, progress: Listener<'_>, results: &mut dyn Results) -> Result<Option<Field>, OmnixError> {
-        let kept = self.run_backbone(progress)?;
-        let mut motion = self.start_motion()?;
-        self.run_head(&kept, motion.as_mut(), progress, results)?;
-        match motion {
-            Some(motion) => self.run_motion(kept, motion, progress).map(Some),
-            None => Ok(None),
+    fn run_stages(&mut self, listener: Listener<'_>, results: &mut dyn Results) -> Result<(), OmnixError> {
+        if let Some(image) = self.written.iter().position(|written| !written) {
+            let reason =
+                format!("image {image} has not been set: a run uses the images up, set all of them before each");
+            return Err(OmnixError::Request { reason });
         }
+        let made = self.run_backbone(listener)?;
+        let mut motion = self.start_motion()?;
+        self.run_head(&made, motion.as_mut(), listener, results)?;
+        if let Some(motion) = motion {
+            let field = self.run_motion(made, motion, listener)?;
+            listener(Event::Field(Box::new(field)))?;
+        }
+        Ok(())
     }
 }

@@ -15,7 +15,7 @@ use clap::Args;
 use omnix::geometry::{RayMaps, cameras_from_rays, sample_table};
 use omnix::io::preprocess::{exported_picture, normalise};
 use omnix::io::{FrameLoader, FrameResult, Picture, RunSummary, Sink, SinkOptions, open_sinks, write_manifest};
-use omnix::{Camera, DeviceInfo, Engine, Field, FieldPlace, FrameGeometry, OmnixError, Phase, RunPlan, Session, Tier};
+use omnix::{Camera, DeviceInfo, Engine, Event, Field, FieldPlace, OmnixError, Phase, RunPlan, Session, Tier};
 use serde_json::{Map, Value, json};
 
 use crate::args::{OutArgs, RunArgs};
@@ -174,11 +174,12 @@ impl Run<'_> {
         let pictures = self.read(ui)?;
         let request = &self.job.request;
         ui.begin("weights", "reading weights, compiling kernels");
-        let mut heard = |p: omnix::Progress| {
-            ui.progress(p.done, p.total);
-            stop::flow()
-        };
-        let mut session = Session::new(engine, &self.job.weights, plan, &mut heard)?;
+        let mut session = Session::new(engine, &self.job.weights, plan, &mut |event| {
+            if let Event::Progress(p) = event {
+                ui.progress(p.done, p.total);
+            }
+            stop::answer()
+        })?;
         let mut numbers = vec![0.0; 3 * request.height * request.width];
         for (index, picture) in pictures.iter().enumerate() {
             normalise(picture, &mut numbers);
@@ -226,19 +227,25 @@ impl Run<'_> {
         let image = [request.height as u32, request.width as u32];
         let (frames, sinks, finished) = (&self.job.input.frames, &mut self.sinks, &mut self.finished);
         let (cameras, timings) = (&mut self.cameras, &mut self.timings);
-        // Both callbacks of the session talk to the user, one at a time.
-        let ui = std::cell::RefCell::new(ui);
         let mut phase = None;
-        let mut heard = |p: omnix::Progress| {
-            let mut ui = ui.borrow_mut();
-            if phase.replace(p.phase) != Some(p.phase) {
-                let (name, text) = said(p.phase);
-                begin(timings, &mut ui, name, text);
-            }
-            ui.progress(p.done, p.total);
-            stop::flow()
-        };
-        let mut each = |geometry: FrameGeometry| -> Result<(), OmnixError> {
+        let mut field = None;
+        let outcome = session.run(&mut |event| {
+            let geometry = match event {
+                Event::Progress(p) => {
+                    if phase.replace(p.phase) != Some(p.phase) {
+                        let (name, text) = said(p.phase);
+                        begin(timings, ui, name, text);
+                    }
+                    ui.progress(p.done, p.total);
+                    return stop::answer();
+                }
+                Event::Frame(geometry) => geometry,
+                Event::Field(made) => {
+                    field = Some(*made);
+                    return Ok(());
+                }
+                _ => return Ok(()),
+            };
             let index = geometry.index;
             let camera = match (&geometry.rays, &table) {
                 (Some((rays, confidence)), Some(table)) => {
@@ -272,13 +279,12 @@ impl Run<'_> {
                 "index": index, "video": frame.video, "frame": frame.frame, "time_s": frame.time_s,
                 "depth_min": min, "depth_max": max, "seconds": since.elapsed().as_secs_f64(),
             });
-            ui.borrow_mut().event("frame", fields);
+            ui.event("frame", fields);
             Ok(())
-        };
-        let outcome = session.run(&mut heard, &mut each);
-        let ui = ui.into_inner();
+        });
         begin(timings, ui, "", "");
-        Ok(outcome?)
+        outcome?;
+        Ok(field)
     }
 
     /// Completes the sinks' files; on failure tries all of it and returns the first error.
@@ -318,6 +324,7 @@ fn said(phase: Phase) -> (&'static str, &'static str) {
         Phase::Head => ("head", "depth, image by image"),
         Phase::Motion => ("motion", "what moves, over all images"),
         Phase::Sampling => ("sampling", "how each pixel moves, image by image"),
+        _ => ("other", "working"),
     }
 }
 

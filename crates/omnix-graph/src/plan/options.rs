@@ -2,8 +2,9 @@
 
 use omnix_kernels::WeightType;
 
-/// What the caller decides.
+/// What the caller decides. Made by [`PlanOptions::default`] and changed by the methods of its fields' names.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct PlanOptions {
     /// Bytes that everything but weights that stay may take; `None` for no bound.
     pub budget: Option<u64>,
@@ -20,5 +21,42 @@ pub struct PlanOptions {
 impl Default for PlanOptions {
     fn default() -> Self {
         Self { budget: None, streamed: false, storage: WeightType::F32, fuse: true, parts: 1 }
+    }
+}
+
+impl PlanOptions {
+    /// Bytes that everything but weights that stay may take; `None` for no bound.
+    #[must_use]
+    pub fn budget(mut self, budget: impl Into<Option<u64>>) -> Self {
+        self.budget = budget.into();
+        self
+    }
+
+    /// Whether weights pass through.
+    #[must_use]
+    pub fn streamed(mut self, streamed: bool) -> Self {
+        self.streamed = streamed;
+        self
+    }
+
+    /// How matrices are stored.
+    #[must_use]
+    pub fn storage(mut self, storage: WeightType) -> Self {
+        self.storage = storage;
+        self
+    }
+
+    /// Whether to fuse.
+    #[must_use]
+    pub fn fuse(mut self, fuse: bool) -> Self {
+        self.fuse = fuse;
+        self
+    }
+
+    /// Minimum number of row chunks per chain.
+    #[must_use]
+    pub fn parts(mut self, parts: usize) -> Self {
+        self.parts = parts;
+        self
     }
 }

@@ -211,13 +211,11 @@ impl Field {
         Ok(ResidentPaths { positions, theta })
     }
 
-    /// Computes every pixel's score.
-    pub(crate) fn score(&mut self) -> Result<(), OmnixError> {
-        for image in 0..self.shape.images {
-            let paths = self.paths(&Query::new(image, Pixels::All, image..image + 1))?;
-            if let Maps::Memory(maps) = &mut self.maps {
-                maps[image].theta = paths.theta;
-            }
+    /// Computes and keeps the scores of an image's pixels.
+    pub(crate) fn score(&mut self, image: usize) -> Result<(), OmnixError> {
+        let paths = self.paths(&Query::new(image, Pixels::All, image..image + 1))?;
+        if let Maps::Memory(maps) = &mut self.maps {
+            maps[image].theta = paths.theta;
         }
         Ok(())
     }

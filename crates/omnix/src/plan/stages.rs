@@ -14,7 +14,7 @@ use crate::weights::Weights;
 /// A field's sizes, and whether it is kept on the device.
 type Place<'a> = (&'a FieldShape, bool);
 
-/// Bytes of the backbone's results `kept` beside a plan that runs so often: one that runs once has those that it reads as its inputs.
+/// Bytes of the backbone's results `kept` beside a plan that runs `runs` times: one that runs once has those that it reads as its inputs.
 fn held_features(plan: &Plan, runs: usize, kept: u64) -> u64 {
     let read = |(_, info): (_, &ValueInfo)| {
         (matches!(info.source, Source::Input) && info.name.starts_with("feat.")).then(|| info.shape.bytes())
@@ -105,7 +105,7 @@ impl Budget {
         self.resting.unwrap_or(weights) + OVERHEAD
     }
 
-    /// Whether a stage fits that takes so much beside its weights.
+    /// Whether a stage fits that takes `bytes` beside its weights.
     fn fits(&self, weights: u64, bytes: u64) -> bool {
         self.bytes.is_none_or(|budget| self.beside_plan(weights) + bytes <= budget)
     }
@@ -115,8 +115,8 @@ impl Budget {
         self.least = self.least.max(self.beside_plan(0) + bytes);
     }
 
-    /// One graph over all images, its chains cut as fine as the budget wants; none if that is too small.
-    fn whole(
+    /// One graph over all images, its chains cut as fine as the budget wants; `None` if that is too small.
+    fn plan_whole(
         &mut self,
         graph: &Graph,
         caps: &Caps,
@@ -125,7 +125,7 @@ impl Budget {
         held: u64,
     ) -> Result<Option<Plan>, OmnixError> {
         let Some(room) = self.room(held) else { return Ok(Some(free.clone())) };
-        match Plan::new(graph, caps, &PlanOptions { budget: Some(room), ..*options }) {
+        match Plan::new(graph, caps, &options.budget(room)) {
             Ok(plan) => Ok(Some(plan)),
             Err(GraphError::Budget { least, .. }) => {
                 self.needs(held + least);
@@ -135,9 +135,9 @@ impl Budget {
         }
     }
 
-    /// A graph over a few images: as many as were `wanted`, or fit, from as many down as are usual; none if no number does. All at once
+    /// A graph over a few images: the number `wanted`, or the largest that fits, from `usual` down; `None` if none fits. All at once
     /// is tried last: weights may pass through then, and what the backbone made is not held twice.
-    fn few(
+    fn plan_chunked(
         &mut self,
         (wanted, usual): (Option<usize>, usize),
         plan: impl Fn(usize, bool) -> Result<Plan, OmnixError>,
@@ -163,14 +163,27 @@ impl Budget {
     }
 }
 
+impl RunPlan {
+    /// Plans `request` for a device with `caps`.
+    ///
+    /// # Errors
+    /// [`OmnixError::Budget`] with the least that works, or what is wrong with the request.
+    pub fn new(weights: &Weights, request: &Request, caps: &Caps) -> Result<Self, OmnixError> {
+        request.check()?;
+        if request.motion {
+            field::motion_of(weights)?;
+        }
+        plan(weights, request, caps)
+    }
+}
+
 /// Plans all stages.
-pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<RunPlan, OmnixError> {
+fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<RunPlan, OmnixError> {
     let streamed = !request.keep_weights;
-    let options = PlanOptions { storage: request.storage, parts: request.parts, streamed, ..PlanOptions::default() };
+    let options = PlanOptions::default().storage(request.storage).parts(request.parts).streamed(streamed);
     let usual = if caps.tier == Tier::Gpu { 4 } else { 1 };
-    let plan_head = |frames, streamed| {
-        Ok(Plan::new(&head(weights, request, frames)?, caps, &PlanOptions { parts: 1, streamed, ..options })?)
-    };
+    let plan_head =
+        |frames, streamed| Ok(Plan::new(&head(weights, request, frames)?, caps, &options.parts(1).streamed(streamed))?);
 
     let backbone = backbone(weights, request)?;
     let kept: u64 = output_sizes(&backbone).sum();
@@ -183,7 +196,7 @@ pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<
         None
     };
     let mut budget = Budget { bytes: request.budget, resting, images: request.images, least: 0 };
-    let planned = budget.whole(&backbone, caps, &options, &free, 0)?;
+    let planned = budget.plan_whole(&backbone, caps, &options, &free, 0)?;
     let tokens = motion.as_ref().map_or(0, |m| m.token_bytes);
     // On the device if that fits; else in a file, where less may fit.
     let places: &[bool] = match (&motion, &request.field) {
@@ -196,7 +209,7 @@ pub(super) fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<
         budget.least = before;
         let place = motion.as_ref().map(|m| (&m.shape, resident));
         let held = |plan: &Plan, runs| head_held(plan, runs, kept, tokens, place);
-        let head = budget.few((request.head_images, usual), plan_head, held)?;
+        let head = budget.plan_chunked((request.head_images, usual), plan_head, held)?;
         let moving = match &motion {
             Some(motion) => motion.plan(&mut budget, kept, resident, usual)?,
             None => None,
@@ -237,14 +250,14 @@ impl<'a> Motion<'a> {
     ) -> Result<Self, OmnixError> {
         let graph = module(weights, request)?;
         let module = Plan::new(&graph, caps, options)?;
-        let sampling = Plan::new(&sampling(weights, request, 1)?, caps, &PlanOptions { parts: 1, ..*options })?;
+        let sampling = Plan::new(&sampling(weights, request, 1)?, caps, &options.parts(1))?;
         let shape = FieldShape::of(&graph, &sampling.graph, request)?;
         let tokens = graph.find("traj.point_tokens");
         let token_bytes = tokens.map_or(0, |v| graph.shape(v).bytes());
         Ok(Self { weights, request, caps, options: *options, graph, module, sampling, shape, token_bytes })
     }
 
-    /// The stages within the budget, with the field on the device or in a file; none if they do not fit.
+    /// The stages within the budget, with the field on the device or in a file; `None` if they do not fit.
     fn plan(
         &self,
         budget: &mut Budget,
@@ -254,13 +267,13 @@ impl<'a> Motion<'a> {
     ) -> Result<Option<MotionPlan>, OmnixError> {
         let place = (&self.shape, resident);
         let held = module_held(&self.module, kept, place);
-        let module = budget.whole(&self.graph, self.caps, &self.options, &self.module, held)?;
+        let module = budget.plan_whole(&self.graph, self.caps, &self.options, &self.module, held)?;
         let plan = |frames, streamed| {
             let graph = sampling(self.weights, self.request, frames)?;
-            Ok(Plan::new(&graph, self.caps, &PlanOptions { parts: 1, streamed, ..self.options })?)
+            Ok(Plan::new(&graph, self.caps, &self.options.parts(1).streamed(streamed))?)
         };
         let held = |plan: &Plan, runs| sampling_held(plan, runs, kept, place);
-        let sampling = budget.few((self.request.sampling_images, usual), plan, held)?;
+        let sampling = budget.plan_chunked((self.request.sampling_images, usual), plan, held)?;
         let store = if resident { self.shape.bytes() } else { 0 };
         let room = budget.room(store);
         let motion = field::motion_of(self.weights)?;

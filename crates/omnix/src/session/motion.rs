@@ -5,15 +5,15 @@ use omnix_graph::Tensors;
 use omnix_graph::ops::Motion;
 use omnix_kernels::{BufferSlice, Gpu, readback};
 
-use super::stages::{Kept, inputs, part};
-use super::{Listener, Session};
+use super::Session;
+use super::handover::{BackboneResults, fill, inputs, part};
 use crate::error::OmnixError;
+use crate::event::{Event, FrameMotion, Listener, Phase, Teller};
 use crate::field::{About, Field, FieldImage, FieldShape, ImageMaps, Maps, Part, Store, copy, motion_of};
-use crate::progress::{Phase, Progress};
 use crate::request::FieldPlace;
 
 /// A field while it is made.
-pub(super) struct Making {
+pub(super) struct FieldBuilder {
     gpu: Gpu,
     shape: FieldShape,
     motion: Motion,
@@ -24,7 +24,7 @@ pub(super) struct Making {
 
 const TOKENS: &str = "traj.point_tokens";
 
-impl Making {
+impl FieldBuilder {
     /// Gives the head the rays of the images' corners, where it makes points of them.
     pub(super) fn fill_head(
         &self,
@@ -61,7 +61,7 @@ impl Making {
 
 impl Session {
     /// Makes room for a field, if motion is wanted.
-    pub(super) fn start_motion(&self) -> Result<Option<Making>, OmnixError> {
+    pub(super) fn start_motion(&self) -> Result<Option<FieldBuilder>, OmnixError> {
         let Some(plan) = &self.plan.motion else { return Ok(None) };
         let gpu = self.engine.gpu();
         let store = match &self.plan.request.field {
@@ -78,19 +78,19 @@ impl Session {
             None => None,
         };
         let motion = motion_of(self.weights.checkpoint())?;
-        Ok(Some(Making { gpu: gpu.clone(), shape: plan.shape, motion, store, tokens }))
+        Ok(Some(FieldBuilder { gpu: gpu.clone(), shape: plan.shape, motion, store, tokens }))
     }
 
     /// The field of all images.
     pub(super) fn run_motion(
         &mut self,
-        kept: Kept,
-        mut making: Making,
-        progress: Listener<'_>,
+        kept: BackboneResults,
+        mut making: FieldBuilder,
+        listener: Listener<'_>,
     ) -> Result<Field, OmnixError> {
-        self.run_module(&kept, &mut making, progress)?;
-        let confidence = self.run_sampling(&kept, &mut making, progress)?;
-        let Kept { features, cameras, .. } = kept;
+        self.run_module(&kept, &mut making, listener)?;
+        let confidence = self.run_sampling(&kept, &mut making, listener)?;
+        let BackboneResults { features, cameras, .. } = kept;
         drop(features);
         self.engine.gpu().wait()?;
         let times = &self.plan.request.times;
@@ -107,19 +107,30 @@ impl Session {
             note: weights.note().map(str::to_owned),
         };
         let room = self.plan.evaluation_room();
-        let Making { shape, motion, store, .. } = making;
+        let FieldBuilder { shape, motion, store, .. } = making;
         let mut field = Field::new(&self.engine, (shape, motion), store, room, known, about);
-        field.score()?;
+        for index in 0..shape.images {
+            field.score(index)?;
+            let (theta, confidence) = (field.theta(index)?.into_owned(), field.confidence(index)?.into_owned());
+            listener(Event::Motion(FrameMotion { index, theta, confidence }))?;
+        }
         Ok(field)
     }
 
     /// Field and mask of every image.
-    fn run_module(&mut self, kept: &Kept, making: &mut Making, progress: Listener<'_>) -> Result<(), OmnixError> {
+    fn run_module(
+        &mut self,
+        kept: &BackboneResults,
+        making: &mut FieldBuilder,
+        listener: Listener<'_>,
+    ) -> Result<(), OmnixError> {
         let Some(plan) = &self.plan.motion else { return Ok(()) };
         let mut bindings = inputs(&kept.features, 1);
         bindings.extend(making.tokens.take().map(|tokens| (TOKENS.to_owned(), tokens)));
-        let module = self.weights.stage(&plan.module, &bindings, progress)?;
-        module.run(&mut |done, total| progress(Progress { phase: Phase::Motion, done, total }))?;
+        let module = self.weights.stage(&plan.module, &bindings, listener)?;
+        let mut teller = Teller::new(listener);
+        let ran = module.run(&mut |done, total| teller.progress(Phase::Motion, done, total));
+        teller.end(ran)?;
         for image in 0..making.shape.images {
             making.store.put(image, Part::Field, &part(&module, "field", image, making.shape.images)?)?;
             making.store.put(image, Part::Mask, &part(&module, "mask", image, making.shape.images)?)?;
@@ -131,23 +142,23 @@ impl Session {
     /// Offsets and weights of every image's pixels; their confidences.
     fn run_sampling(
         &self,
-        kept: &Kept,
-        making: &mut Making,
-        progress: Listener<'_>,
+        kept: &BackboneResults,
+        making: &mut FieldBuilder,
+        listener: Listener<'_>,
     ) -> Result<Vec<Vec<f32>>, OmnixError> {
         let Some(plan) = &self.plan.motion else { return Ok(Vec::new()) };
         let (images, step) = (self.plan.request.images, plan.sampling_images);
         let gpu = self.engine.gpu();
         let runs = plan.sampling_runs();
         let bindings = inputs(&kept.features, runs);
-        let sampling = self.weights.stage(&plan.sampling, &bindings, progress)?;
+        let sampling = self.weights.stage(&plan.sampling, &bindings, listener)?;
         let flops = sampling.plan().flops();
         let total = flops * runs as u64;
         let mut confidence = Vec::with_capacity(images);
         for first in (0..images).step_by(step) {
             let count = step.min(images - first);
             if runs > 1 {
-                self.fill(&sampling, &kept.features, first, count)?;
+                fill(gpu, &sampling, &kept.features, (first, count, images))?;
             }
             for i in 0..count {
                 for which in [Part::Field, Part::Mask] {
@@ -155,7 +166,9 @@ impl Session {
                 }
             }
             let before = flops * (first / step) as u64;
-            sampling.run(&mut |done, _| progress(Progress { phase: Phase::Sampling, done: before + done, total }))?;
+            let mut teller = Teller::new(listener);
+            let ran = sampling.run(&mut |done, _| teller.progress(Phase::Sampling, before + done, total));
+            teller.end(ran)?;
             for i in 0..count {
                 for which in [Part::Offsets, Part::Weights] {
                     making.store.put(first + i, which, &part(&sampling, which.name(), i, step)?)?;

@@ -7,10 +7,9 @@ use omnix_graph::WeightKey;
 use omnix_graph::{Bindings, Executable, GraphError, Plan, Streamed, Tensors, WeightStore};
 use omnix_kernels::Gpu;
 
-use super::Listener;
 use crate::error::OmnixError;
+use crate::event::{Listener, Phase, Teller};
 use crate::plan::RunPlan;
-use crate::progress::{Phase, Progress};
 use crate::weights::Weights;
 
 /// The weights of a session.
@@ -38,14 +37,18 @@ impl SessionWeights {
         gpu: &Gpu,
         weights: &Weights,
         plan: &RunPlan,
-        progress: Listener<'_>,
+        listener: Listener<'_>,
     ) -> Result<Self, OmnixError> {
-        let mut report = |done, total| progress(Progress { phase: Phase::Weights, done, total });
         let keys: Vec<WeightKey> = plan.plans().flat_map(|(plan, _)| &plan.weights).cloned().collect();
         let kept = if plan.request.keep_weights {
-            Some(WeightStore::load(gpu, weights, &keys, &mut report)?)
+            let mut teller = Teller::new(listener);
+            let loaded =
+                WeightStore::load(gpu, weights, &keys, &mut |done, total| teller.progress(Phase::Weights, done, total));
+            Some(teller.end(loaded)?)
         } else {
-            weights.verify(&keys, &mut report)?;
+            let mut teller = Teller::new(listener);
+            let verified = weights.verify(&keys, &mut |done, total| teller.progress(Phase::Weights, done, total));
+            teller.end(verified)?;
             None
         };
         Ok(Self { gpu: gpu.clone(), weights: weights.clone(), kept })
@@ -61,7 +64,7 @@ impl SessionWeights {
         &self,
         plan: &Plan,
         bindings: &Bindings,
-        progress: Listener<'_>,
+        listener: Listener<'_>,
     ) -> Result<OnDevice, OmnixError> {
         if let Some(store) = &self.kept {
             return Ok(OnDevice::Loaded(Executable::new(&self.gpu, plan.clone(), store, bindings)?));
@@ -72,8 +75,10 @@ impl SessionWeights {
             let streamed = Streamed::new(&self.gpu, plan.clone(), bindings)?;
             return Ok(OnDevice::Streamed(streamed, Box::new(self.weights.clone())));
         }
-        let mut report = |done, total| progress(Progress { phase: Phase::Weights, done, total });
-        let store = WeightStore::load(&self.gpu, &self.weights, &plan.weights, &mut report)?;
+        let mut teller = Teller::new(listener);
+        let mut report = |done, total| teller.progress(Phase::Weights, done, total);
+        let loaded = WeightStore::load(&self.gpu, &self.weights, &plan.weights, &mut report);
+        let store = teller.end(loaded)?;
         Ok(OnDevice::Loaded(Executable::new(&self.gpu, plan.clone(), &store, bindings)?))
     }
 }

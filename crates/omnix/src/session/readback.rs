@@ -6,43 +6,42 @@ use omnix_geometry::Camera;
 use omnix_kernels::readback::Readback;
 use omnix_kernels::{BufferSlice, Gpu};
 
-use super::{FrameGeometry, ResidentGeometry};
 use crate::error::OmnixError;
+use crate::event::{Event, FrameGeometry, Listener, ResidentGeometry};
 
 /// What takes the head's results.
 pub(super) trait Results {
     /// An image is done. What is submitted later overwrites its buffers.
-    fn done(&mut self, image: ResidentGeometry) -> Result<(), OmnixError>;
+    fn done(&mut self, image: ResidentGeometry, listener: Listener<'_>) -> Result<(), OmnixError>;
 
     /// The device has work: time for the host's.
-    fn between(&mut self) -> Result<(), OmnixError> {
+    fn between(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        let _ = listener;
         Ok(())
     }
 
     /// No image follows.
-    fn finish(&mut self) -> Result<(), OmnixError> {
+    fn finish(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        let _ = listener;
         Ok(())
     }
 }
 
-/// Hands results out where they are.
-pub(super) struct Resident<'a>(pub(super) &'a mut dyn FnMut(ResidentGeometry) -> Result<(), OmnixError>);
+/// Tells of results where they are.
+pub(super) struct Resident;
 
-impl Results for Resident<'_> {
-    fn done(&mut self, image: ResidentGeometry) -> Result<(), OmnixError> {
-        (self.0)(image)
+impl Results for Resident {
+    fn done(&mut self, image: ResidentGeometry, listener: Listener<'_>) -> Result<(), OmnixError> {
+        listener(Event::Resident(image))
     }
 }
 
-type Each<'a> = &'a mut dyn FnMut(FrameGeometry) -> Result<(), OmnixError>;
-
 /// Reads results back. At most one chunk of images waits here; their staging memory is part of the plan.
-pub(super) struct HandOut<'a> {
+pub(super) struct Readbacks {
     gpu: Gpu,
     /// Images of a chunk.
     most: usize,
     waiting: VecDeque<Copied>,
-    each: Each<'a>,
 }
 
 /// An image's results in staging memory.
@@ -55,29 +54,29 @@ struct Copied {
     rays: Option<(Readback, Readback)>,
 }
 
-impl<'a> HandOut<'a> {
-    pub(super) fn new(gpu: &Gpu, most: usize, each: Each<'a>) -> Self {
-        Self { gpu: gpu.clone(), most, waiting: VecDeque::with_capacity(most), each }
+impl Readbacks {
+    pub(super) fn new(gpu: &Gpu, most: usize) -> Self {
+        Self { gpu: gpu.clone(), most, waiting: VecDeque::with_capacity(most) }
     }
 
-    fn hand_out(&mut self) -> Result<(), OmnixError> {
+    fn hand_out(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
         let Some(image) = self.waiting.pop_front() else { return Ok(()) };
         let read = |copy: Readback| copy.finish::<f32>(&self.gpu);
         let rays = image.rays.map(|(ray, conf)| Ok::<_, OmnixError>((read(ray)?, read(conf)?))).transpose()?;
-        (self.each)(FrameGeometry {
+        listener(Event::Frame(FrameGeometry {
             index: image.index,
             depth: read(image.depth)?.into_iter().map(|d| d * image.depth_scale).collect(),
             confidence: read(image.confidence)?,
             camera: image.camera,
             rays,
-        })
+        }))
     }
 }
 
-impl Results for HandOut<'_> {
-    fn done(&mut self, image: ResidentGeometry) -> Result<(), OmnixError> {
+impl Results for Readbacks {
+    fn done(&mut self, image: ResidentGeometry, listener: Listener<'_>) -> Result<(), OmnixError> {
         if self.waiting.len() == self.most {
-            self.hand_out()?;
+            self.hand_out(listener)?;
         }
         let copy = |slice: &BufferSlice| Readback::start(&self.gpu, slice);
         let rays = image.rays.as_ref().map(|(ray, conf)| Ok::<_, OmnixError>((copy(ray)?, copy(conf)?)));
@@ -92,13 +91,13 @@ impl Results for HandOut<'_> {
         Ok(())
     }
 
-    fn between(&mut self) -> Result<(), OmnixError> {
-        self.hand_out()
+    fn between(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        self.hand_out(listener)
     }
 
-    fn finish(&mut self) -> Result<(), OmnixError> {
+    fn finish(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
         while !self.waiting.is_empty() {
-            self.hand_out()?;
+            self.hand_out(listener)?;
         }
         Ok(())
     }

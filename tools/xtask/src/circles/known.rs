@@ -14,8 +14,4 @@ pub(super) const KNOWN: &[(&str, &str)] = &[
     ("crates/omnix-io/src/output/mod.rs", "crates/omnix-io/src/output/npz.rs"),
     ("crates/omnix-io/src/output/mod.rs", "crates/omnix-io/src/output/ply.rs"),
     ("crates/omnix-io/src/output/mod.rs", "crates/omnix-io/src/output/tum.rs"),
-    ("crates/omnix/src/plan/stages.rs", "crates/omnix/src/plan.rs"),
-    ("crates/omnix/src/session/on_device.rs", "crates/omnix/src/session.rs"),
-    ("crates/omnix/src/session/readback.rs", "crates/omnix/src/session.rs"),
-    ("crates/omnix/src/session/stages.rs", "crates/omnix/src/session/motion.rs"),
 ];
