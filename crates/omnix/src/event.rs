@@ -61,7 +61,7 @@ pub struct Progress {
     pub total: u64,
 }
 
-/// What was found out about one image.
+/// The results for one image.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct FrameGeometry {
@@ -77,7 +77,7 @@ pub struct FrameGeometry {
     pub rays: Option<(Vec<f32>, Vec<f32>)>,
 }
 
-/// What was found out about one image, on the device: f32, row-major, storage buffers that can also be copied from.
+/// The results for one image, on the device: f32, row-major, storage buffers that can also be copied from.
 ///
 /// An image that is not the first of its chunk begins where its numbers do, which need not be a multiple of the binding
 /// alignment: bind the whole buffer and pass the offset, or plan with [`crate::Request::head_images`] of 1, where offsets are 0.

@@ -42,7 +42,7 @@ pub struct Request {
     pub parts: usize,
     /// Images through the head at a time; `None` lets the device's kind and the budget decide.
     pub head_images: Option<usize>,
-    /// Images through the sampling head at a time, alike.
+    /// The same for the sampling head.
     pub sampling_images: Option<usize>,
     /// Where a field is kept; by default on the device if the budget allows it.
     pub field: FieldPlace,
@@ -196,7 +196,7 @@ impl Request {
         self
     }
 
-    /// Images through the sampling head at a time, alike.
+    /// Images through the sampling head at a time; `None` lets the device's kind and the budget decide.
     #[must_use]
     pub fn sampling_images(mut self, sampling_images: impl Into<Option<usize>>) -> Self {
         self.sampling_images = sampling_images.into();

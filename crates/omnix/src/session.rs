@@ -38,8 +38,8 @@ const FLUSH: u64 = 4 << 20;
 
 impl Session {
     /// Uploads the weights (or only verifies them, if the plan streams them) and allocates the backbone. Meanwhile, and
-    /// while the first stages run, up to four threads make the pipelines of all stages (on lavapipe one of them submits a dispatch of
-    /// nothing and waits for it).
+    /// while the first stages run, up to four threads make the pipelines of all stages (on lavapipe one of them submits an empty
+    /// dispatch and waits for it).
     ///
     /// # Errors
     /// When a weight of any stage is damaged, memory runs out, or `listener` broke off.
@@ -72,7 +72,7 @@ impl Session {
     /// them are written again before the next.
     ///
     /// # Errors
-    /// When the index or the length is wrong, or a number is not finite: one would spoil every image.
+    /// When the index or the length is wrong, or a number is NaN or infinite: one would spoil every image.
     pub fn set_image(&mut self, index: usize, pixels: &[f32]) -> Result<(), OmnixError> {
         let (width, plane) = (self.plan.request.width, self.plan.request.height * self.plan.request.width);
         let size = 3 * plane;

@@ -31,9 +31,9 @@ pub enum Pixels {
     All,
     /// These columns and rows, in this order.
     List(Vec<[u32; 2]>),
-    /// Those where the mask (one value a pixel, row by row) is true, row by row.
+    /// Those where the mask (one value per pixel, row by row) is true, row by row.
     Mask(Vec<bool>),
-    /// Every so many columns and rows, from the first.
+    /// Every n-th column and row, from the first.
     Stride(usize),
 }
 
@@ -280,7 +280,7 @@ impl Field {
     }
 }
 
-/// Fewer pixels than a part of so many of an image are read row by row.
+/// Fewer pixels than an image's pixels divided by this are read row by row.
 const FEW: usize = 8;
 
 /// The parts that have a row for each pixel.
@@ -291,7 +291,7 @@ const ROWS: [Part; 3] = [Part::Offsets, Part::Weights, Part::Points];
 enum Inputs {
     /// All of it; listed pixels are gathered on the device.
     Whole,
-    /// Rows of the listed pixels, and the field at the times asked for, of which there are so many, and at the image's own.
+    /// Rows of the listed pixels, and the field at the `times` target times asked for and at the image's own.
     Rows { times: usize },
 }
 
