@@ -190,17 +190,15 @@ impl Which {
             return Ok(Pixels::Mask(mask.data.as_chunks::<3>().0.iter().map(|c| c.iter().any(|v| *v > 0)).collect()));
         }
         let Some(path) = &self.pixels else { return Ok(Pixels::List(self.pixel.clone())) };
-        let text = read_list(path)?;
-        // Some editors put a byte-order mark in front.
-        let lines = text
-            .strip_prefix('\u{feff}')
-            .unwrap_or(&text)
-            .lines()
-            .map(str::trim)
-            .filter(|l| !l.is_empty() && !l.starts_with('#'));
-        let list: Result<Vec<_>, String> = lines.map(pixel).collect();
+        let list = pixels_of(&read_list(path)?);
         Ok(Pixels::List(list.map_err(|e| wrong(format!("{}: {e}", path.display())))?))
     }
+}
+
+/// A pixel per line; empty lines and comments are passed over, as is the byte-order mark that some editors put in front.
+fn pixels_of(text: &str) -> Result<Vec<[u32; 2]>, String> {
+    let lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines().map(str::trim);
+    lines.filter(|line| !line.is_empty() && !line.starts_with('#')).map(pixel).collect()
 }
 
 /// Bytes of a list of pixels: more than all pixels of any image take.
@@ -237,6 +235,14 @@ mod tests {
         for bad in ["5", "0..6", "2..2", "6..5", "7..8", "x", "1-3", ""].into_iter().chain(huge) {
             assert!(times(Some(bad), &shape).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn a_list_may_begin_with_a_mark() {
+        let text = "70,42\r\n# a comment\r\n\r\n 1, 2\r\n";
+        assert_eq!(pixels_of(text), Ok(vec![[70, 42], [1, 2]]));
+        assert_eq!(pixels_of(&format!("\u{feff}{text}")), pixels_of(text));
+        assert!(pixels_of("1,2\n\u{feff}3,4").is_err());
     }
 
     #[test]
