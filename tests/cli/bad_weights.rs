@@ -101,6 +101,39 @@ fn not_a_number() {
 }
 
 #[test]
+fn beyond_f16() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, model) = nano();
+    let file = SafeTensors::deserialize(&model).unwrap();
+    // The same network in F32, one weight of which f16 cannot hold.
+    let wide: Vec<_> = file
+        .tensors()
+        .into_iter()
+        .map(|(name, view)| {
+            let halves = view.data().as_chunks().0.iter().map(|b| half::f16::from_le_bytes(*b).to_f32());
+            let mut numbers: Vec<f32> = halves.collect();
+            if name == SOME {
+                numbers[192 * 3 + 5] = 70000.0;
+            }
+            let bytes: Vec<u8> = numbers.iter().flat_map(|v| v.to_le_bytes()).collect();
+            (name, view.shape().to_vec(), bytes)
+        })
+        .collect();
+    let views =
+        wide.iter().map(|(n, s, d)| (n.as_str(), TensorView::new(safetensors::Dtype::F32, s.clone(), d).unwrap()));
+    let model = safetensors::serialize(views, None::<HashMap<String, String>>).unwrap();
+    let weights = write(dir.path(), &config, &model);
+    let weights = weights.to_str().unwrap();
+    // It is no damage: the network runs with f32 weights.
+    let checked = omnix(&["weights", "check", weights]).ok();
+    assert!(checked.out.contains(&format!("{SOME}: 70000 at element 581; store it as f32")), "{}", checked.out);
+    let (frames, out) = (folder(dir.path(), 1), dir.path().join("out"));
+    let run = |storage| reconstruct(&frames, &out, &["--weights", weights, "--weights-type", storage]);
+    run("f16").fails(3, &["blocks.1.attn.qkv.weight[3, 5]` = 70000 does not fit in f16"]);
+    run("f32").ok();
+}
+
+#[test]
 fn of_another_model() {
     let dir = tempfile::tempdir().unwrap();
     let (config, _) = nano();
