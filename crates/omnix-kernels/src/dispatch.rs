@@ -61,9 +61,9 @@ pub struct Dispatch {
 }
 
 /// Most operations of one dispatch. Drivers take a device for hung when a dispatch lasts, Windows after two seconds: this
-/// many take a slow GPU (50 GFLOP/s in these kernels) 0.4 s. Software devices that are no part of the system, such as lavapipe, have no
-/// such watch, so `Tier::Software` is exempt.
-pub const MAX_OPERATIONS: u64 = 20_000_000_000;
+/// many take a slow GPU (50 GFLOP/s in these kernels) half a second. Software devices that are no part of the system, such as
+/// lavapipe, have no such watch, so `Tier::Software` is exempt.
+pub const MAX_OPERATIONS: u64 = 25_000_000_000;
 
 impl Dispatch {
     /// Records `shader` with `params`; `windows` are bindings 1..n in order, `groups` the total number
