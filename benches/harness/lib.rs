@@ -15,24 +15,8 @@ use std::io::{BufRead as _, Write as _};
 use omnix_kernels::bench::{Ceilings, Effort, time};
 use omnix_kernels::run::{HostArg, upload};
 use omnix_kernels::{Dispatch, Gpu, KernelError, Tier, adapter};
+use omnix_tests::cases::{Case, Values, Work};
 use serde_json::json;
-
-/// What a case is measured by.
-#[derive(Clone, Copy, Debug)]
-pub enum Work {
-    /// Operations, compared with the arithmetic ceiling.
-    Flops(u64),
-    /// Bytes read and written, compared with the copy ceiling.
-    Bytes(u64),
-}
-
-impl Work {
-    fn amount(self) -> u64 {
-        match self {
-            Self::Flops(amount) | Self::Bytes(amount) => amount,
-        }
-    }
-}
 
 /// The command line.
 #[derive(Clone, Debug, Default)]
@@ -147,9 +131,39 @@ impl Bench {
         Ok(Self { gpu, options, ceilings, choice: Choice::All })
     }
 
+    /// Measures the cases of a kernel that networks have and the filter keeps. Those that are not for this device are left out.
+    ///
+    /// # Errors
+    /// When one cannot be recorded or run.
+    pub fn cases(&self, cases: Vec<Case>) -> Result<(), KernelError> {
+        for case in cases.iter().filter(|case| case.bench) {
+            let (kernel, call) = (case.call.kernel(), &case.call);
+            if !self.wants(kernel, &case.name) {
+                continue;
+            }
+            let dispatches = match call.record(&self.gpu.caps) {
+                // It is for software devices alone.
+                Err(KernelError::Unsupported { kernel: "winograd", .. }) => continue,
+                recorded => recorded?,
+            };
+            let work = call.work();
+            if let Choice::Survey(smallest) = &self.choice {
+                let mut smallest = smallest.borrow_mut();
+                let found = smallest.entry(kernel.to_owned()).or_insert_with(|| (work.amount(), case.name.clone()));
+                if work.amount() < found.0 {
+                    *found = (work.amount(), case.name.clone());
+                }
+                continue;
+            }
+            let args = call.args(&self.gpu.caps);
+            let args: Vec<HostArg<'_>> = args.iter().map(Values::arg).collect();
+            self.case(kernel, &case.name, work, &dispatches, &args)?;
+        }
+        Ok(())
+    }
+
     /// Whether the filter keeps any case of this name, so that its inputs need not be made otherwise.
-    #[must_use]
-    pub fn wants(&self, kernel: &str, case: &str) -> bool {
+    fn wants(&self, kernel: &str, case: &str) -> bool {
         self.options.filter.as_ref().is_none_or(|filter| format!("{kernel} {case}").contains(filter.as_str()))
             && match &self.choice {
                 Choice::All | Choice::Survey(_) => true,
@@ -158,10 +172,7 @@ impl Bench {
     }
 
     /// Measures one case and prints its line.
-    ///
-    /// # Errors
-    /// When it cannot be recorded or run.
-    pub fn case(
+    fn case(
         &self,
         kernel: &str,
         case: &str,
@@ -169,17 +180,6 @@ impl Bench {
         dispatches: &[Dispatch],
         args: &[HostArg<'_>],
     ) -> Result<(), KernelError> {
-        if let Choice::Survey(smallest) = &self.choice {
-            let mut smallest = smallest.borrow_mut();
-            let found = smallest.entry(kernel.to_owned()).or_insert_with(|| (work.amount(), case.to_owned()));
-            if work.amount() < found.0 {
-                *found = (work.amount(), case.to_owned());
-            }
-            return Ok(());
-        }
-        if !self.wants(kernel, case) {
-            return Ok(());
-        }
         let args = upload(&self.gpu, args)?;
         let effort = match &self.options {
             options if options.test => Effort::ONCE,
@@ -224,7 +224,7 @@ impl Bench {
     /// For `--test` they are gone through twice, and the smallest of each kernel runs.
     ///
     /// # Errors
-    /// As [`Bench::case`].
+    /// As `cases`.
     pub fn run(&mut self, cases: &dyn Fn(&Self) -> Result<(), KernelError>) -> Result<(), KernelError> {
         if self.options.test {
             self.choice = Choice::Survey(RefCell::default());

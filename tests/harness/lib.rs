@@ -1,5 +1,6 @@
-//! Shared by all test binaries: the device and its families of variants, trials, seeded numbers, comparison.
+//! Shared by all test binaries: the device and its families of variants, trials, cases, seeded numbers, comparison.
 
+pub mod cases;
 pub mod compare;
 pub mod family;
 pub mod rng;
@@ -9,4 +10,4 @@ pub use compare::{as_f16, assert_close, relative_error};
 pub use family::{Family, family, gpu, rounds, tiers, with_max_binding};
 pub use libtest_mimic::Trial;
 pub use rng::Rng;
-pub use trials::{Trials, all_cases};
+pub use trials::Trials;

@@ -30,6 +30,15 @@ impl Rng {
         (self.bits() % u64::from(n)) as u32
     }
 
+    /// 0..n in a random order.
+    pub fn shuffled(&mut self, n: u32) -> Vec<u32> {
+        let mut all: Vec<u32> = (0..n).collect();
+        for i in (1..all.len()).rev() {
+            all.swap(i, self.below(i as u32 + 1) as usize);
+        }
+        all
+    }
+
     /// `len` numbers of about unit normal distribution (sum of four uniforms).
     pub fn normal(&mut self, len: usize) -> Vec<f32> {
         (0..len).map(|_| ((0..4).map(|_| self.uniform()).sum::<f32>() - 2.0) * 1.732_050_8).collect()

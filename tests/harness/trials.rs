@@ -103,21 +103,3 @@ macro_rules! trials {
 pub fn run(trials: Vec<Trial>) -> std::process::ExitCode {
     libtest_mimic::run(&libtest_mimic::Arguments::from_args(), trials).exit_code()
 }
-
-/// Calls `test` for every case and goes on after a failure; then fails with all of them.
-///
-/// # Panics
-/// If any case panics.
-pub fn all_cases<T: std::fmt::Debug>(cases: impl IntoIterator<Item = T>, test: impl Fn(&T)) {
-    let mut failed = Vec::new();
-    let mut count = 0;
-    for case in cases {
-        count += 1;
-        // The panic's own words are on standard error.
-        if std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| test(&case))).is_err() {
-            failed.push(format!("{case:?}"));
-        }
-    }
-    assert!(count > 0, "no case");
-    assert!(failed.is_empty(), "{} of {count} cases failed: {}", failed.len(), failed.join("; "));
-}

@@ -1,12 +1,11 @@
 //! `attention` against its oracle.
 
 use omnix_kernels::attention::{Attention, OUT};
-use omnix_kernels::caps::Cooperative;
-use omnix_kernels::run::{HostArg, run};
-use omnix_kernels::split_heads::padded;
-use omnix_kernels::{Caps, Dispatch, Gpu, KernelError, Tier, cpu};
+use omnix_kernels::{Caps, Cooperative, Dispatch, Gpu, KernelError, Tier, cpu};
 use omnix_shaders::attention as shaders;
-use omnix_tests::{Rng, Trial, as_f16, assert_close, family, relative_error, rounds, trials, with_max_binding};
+use omnix_tests::cases::attention::{Inputs, Spread, bound, lengths, spec, widths};
+use omnix_tests::cases::{Changed, check_all, computed_from};
+use omnix_tests::{Trial, assert_close, family, relative_error, trials, with_max_binding};
 
 pub(crate) fn trials() -> Vec<Trial> {
     trials!(
@@ -20,99 +19,27 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 type Change<'a> = &'a dyn Fn(&mut Dispatch);
 
-const fn spec(groups: u32, heads: u32, head_dim: u32, nq: u32, nk: u32) -> Attention {
-    Attention { groups, heads, head_dim, nq, nk }
-}
-
-/// `[heads][n][D]` → padded rows, or padded key blocks.
-fn pad(x: &[f32], heads: usize, n: usize, d: usize, key_blocks: bool) -> Vec<f32> {
-    let (n_pad, dp) = (padded(n as u32) as usize, padded(d as u32) as usize);
-    let mut out = vec![0.0; heads * n_pad * dp];
-    for head in 0..heads {
-        for i in 0..n {
-            for c in 0..d {
-                let at = if key_blocks { (i / 32 * dp + c) * 32 + i % 32 } else { i * dp + c };
-                out[head * n_pad * dp + at] = x[(head * n + i) * d + c];
-            }
-        }
-    }
-    out
-}
-
-struct Inputs {
-    q: Vec<f32>,
-    k: Vec<f32>,
-    v: Vec<f32>,
-}
-
-fn inputs(spec: &Attention, spread: f32) -> Inputs {
-    let mut rng = Rng::new(u64::from(spec.nq * 31 + spec.nk * 7 + spec.head_dim));
-    let (heads, d) = ((spec.groups * spec.heads) as usize, spec.head_dim as usize);
-    let scale = spread / (spec.head_dim as f32).sqrt();
-    let q = rng.normal(heads * spec.nq as usize * d).iter().map(|v| v * scale).collect();
-    Inputs { q, k: rng.normal(heads * spec.nk as usize * d), v: rng.normal(heads * spec.nk as usize * d) }
-}
-
 fn compute(gpu: &Gpu, spec: &Attention, inputs: &Inputs) -> Vec<f32> {
     compute_by(gpu, spec, inputs, &|_| ())
 }
 
 /// With every dispatch changed by `change`.
 fn compute_by(gpu: &Gpu, spec: &Attention, inputs: &Inputs, change: Change<'_>) -> Vec<f32> {
-    let (heads, d) = ((spec.groups * spec.heads) as usize, spec.head_dim as usize);
-    let q = pad(&inputs.q, heads, spec.nq as usize, d, false);
-    let k = pad(&inputs.k, heads, spec.nk as usize, d, true);
-    let v = pad(&inputs.v, heads, spec.nk as usize, d, false);
-    assert_eq!((q.len() as u64, k.len() as u64), (spec.q_words(), spec.kv_words()));
-    let state = (spec.state_bytes(&gpu.caps) / 4) as usize;
-    let args = [
-        HostArg::F32(&q),
-        HostArg::F32(&k),
-        HostArg::F32(&v),
-        HostArg::Out(spec.out_words() as usize),
-        HostArg::Out(state),
-    ];
-    let mut dispatches = spec.record(&gpu.caps).expect("records");
-    dispatches.iter_mut().for_each(change);
-    run(gpu, &dispatches, &args, usize::from(OUT.0)).expect("runs")
-}
-
-/// The inputs as the variant's operands hold them.
-fn rounded(gpu: &Gpu, mut inputs: Inputs) -> Inputs {
-    if rounds(gpu) {
-        (inputs.k, inputs.v) = (as_f16(&inputs.k), as_f16(&inputs.v));
-        if gpu.caps.cooperative.f16_16 {
-            inputs.q = as_f16(&inputs.q);
-        }
-    }
-    inputs
-}
-
-/// Sums are f32; matrix units round them in their own way, and take weights as f16.
-fn bound(gpu: &Gpu) -> f64 {
-    match gpu.caps.cooperative {
-        Cooperative { f16_16: true, .. } if rounds(gpu) => 1e-3,
-        Cooperative { f32_8: true, .. } if gpu.caps.tier == Tier::Gpu => 1e-5,
-        _ => 3e-6,
-    }
-}
-
-fn case(gpu: &Gpu, spec: &Attention, spread: f32) {
-    let inputs = rounded(gpu, inputs(spec, spread));
-    let got = compute(gpu, spec, &inputs);
-    let want = cpu::attention(spec, &inputs.q, &inputs.k, &inputs.v);
-    assert_close(&format!("{} {spec:?} spread {spread}", family(gpu)), &got, &want, bound(gpu));
+    let call = Changed { call: Spread { spec: *spec, spread: 1.0 }, change, limit: 0.0 };
+    computed_from(gpu, &call, &inputs.args(spec, &gpu.caps), OUT)
 }
 
 fn every_head_width_matches_the_oracle(gpu: &Gpu) {
-    for head_dim in [2, 6, 8, 12, 20, 24, 32, 36, 48, 64, 96, 98, 100, 128] {
-        case(gpu, &spec(2, 3, head_dim, 37, 70), 1.0);
-    }
+    check_all(gpu, widths());
+}
+
+fn every_length_matches_the_oracle(gpu: &Gpu) {
+    check_all(gpu, lengths());
 }
 
 fn f16_keys_and_values_cost_their_rounding(gpu: &Gpu) {
     let spec = spec(1, 2, 64, 70, 257);
-    let inputs = inputs(&spec, 1.0);
+    let inputs = Inputs::new(&spec, 1.0);
     let want = cpu::attention(&spec, &inputs.q, &inputs.k, &inputs.v);
     let error = relative_error(&compute(gpu, &spec, &inputs), &want);
     assert!((1e-5..1e-3).contains(&error), "{error:.1e}");
@@ -140,13 +67,13 @@ fn cooperative_matrices_do_as_the_others_through_their_stand_ins(gpu: &Gpu) {
         // One; odd; around a strip, a workgroup, a step of keys; sharp distributions: the maximum moves.
         for (nq, nk, spread) in [(1, 1, 1.0), (17, 7, 1.0), (65, 33, 1.0), (70, 100, 1.0), (20, 130, 40.0)] {
             let spec = spec(1, 2, head_dim, nq, nk);
-            let inputs = rounded(gpu, inputs(&spec, spread));
+            let inputs = Inputs::new(&spec, spread).rounded(&gpu.caps);
             let want = cpu::attention(&spec, &inputs.q, &inputs.k, &inputs.v);
             let got = compute_by(gpu, &spec, &inputs, change);
-            assert_close(&format!("{} {spec:?} spread {spread}", family(gpu)), &got, &want, bound(gpu));
+            assert_close(&format!("{} {spec:?} spread {spread}", family(gpu)), &got, &want, bound(&gpu.caps));
         }
         let spec = spec(1, 2, head_dim, 40, 140);
-        let mut inputs = inputs(&spec, 3.0);
+        let mut inputs = Inputs::new(&spec, 3.0);
         let whole = compute_by(gpu, &spec, &inputs, change);
         let small = with_max_binding(gpu, 16_384);
         assert!(small.caps.max_binding < spec.kv_words() * 4 / u64::from(spec.heads), "several windows a head");
@@ -167,17 +94,6 @@ fn cooperative_matrices_do_as_the_others_through_their_stand_ins(gpu: &Gpu) {
     });
 }
 
-fn every_length_matches_the_oracle(gpu: &Gpu) {
-    // One; around a vec4, a block of keys, a tile of queries; one and several uniform windows; many small heads.
-    let lengths = [(1, 1), (1, 300), (9, 3), (33, 31), (64, 32), (65, 33), (40, 256), (70, 257), (130, 600)];
-    for (nq, nk) in lengths {
-        case(gpu, &spec(1, 2, 64, nq, nk), 1.0);
-    }
-    case(gpu, &spec(9, 5, 24, 5, 40), 1.0);
-    // Sharp distributions: the running maximum moves, weights underflow.
-    case(gpu, &spec(1, 2, 64, 20, 300), 40.0);
-}
-
 fn splitting_at_the_binding_limit_changes_no_bit(gpu: &Gpu) {
     let mut split = 0;
     // Groups apart, heads apart, queries apart, and keys in windows (baseline and GPU variants).
@@ -188,7 +104,7 @@ fn splitting_at_the_binding_limit_changes_no_bit(gpu: &Gpu) {
         spec(1, 2, 128, 70, 33),
         spec(2, 3, 6, 70, 300),
     ] {
-        let inputs = inputs(&spec, 3.0);
+        let inputs = Inputs::new(&spec, 3.0);
         let whole = compute(gpu, &spec, &inputs);
         for limit in [32_768, 49_152, 65_536] {
             let small = with_max_binding(gpu, limit);
@@ -202,7 +118,7 @@ fn splitting_at_the_binding_limit_changes_no_bit(gpu: &Gpu) {
 
 fn the_place_of_a_query_changes_no_bit(gpu: &Gpu) {
     let whole_spec = spec(1, 2, 64, 45, 100);
-    let inputs = inputs(&whole_spec, 3.0);
+    let inputs = Inputs::new(&whole_spec, 3.0);
     let whole = compute(gpu, &whole_spec, &inputs);
     for skip in [1, 6, 30] {
         let rest = whole_spec.nq as usize - skip;
@@ -223,7 +139,7 @@ fn padding_of_keys_has_no_weight(gpu: &Gpu) {
 
 fn a_query_that_is_not_finite_stays_alone(gpu: &Gpu) {
     let spec = spec(1, 2, 32, 20, 40);
-    let mut inputs = inputs(&spec, 1.0);
+    let mut inputs = Inputs::new(&spec, 1.0);
     let clean = compute(gpu, &spec, &inputs);
     // Query 9 of head 1.
     inputs.q[(20 + 9) * 32 + 5] = f32::NAN;

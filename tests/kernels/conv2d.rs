@@ -1,10 +1,11 @@
 //! `conv2d` against its oracle.
 
-use omnix_kernels::conv2d::{Conv2d, Y};
-use omnix_kernels::run::{HostArg, run};
-use omnix_kernels::{Activation, Caps, Cooperative, Dispatch, Gpu, PackedWeights, WeightType, cpu};
+use omnix_kernels::conv2d::Y;
+use omnix_kernels::{Activation, Caps, Cooperative, Dispatch, Gpu, WeightType};
 use omnix_shaders::conv2d as shaders;
-use omnix_tests::{Rng, Trial, as_f16, assert_close, family, rounds, trials, with_max_binding};
+use omnix_tests::cases::conv2d::{cases, full, plain};
+use omnix_tests::cases::{Case, Changed, Values, check_all, computed, computed_from};
+use omnix_tests::{Trial, family, trials, with_max_binding};
 
 pub(crate) fn trials() -> Vec<Trial> {
     trials!(
@@ -15,99 +16,8 @@ pub(crate) fn trials() -> Vec<Trial> {
     )
 }
 
-/// A plain specification with nothing optional.
-pub(crate) fn plain(
-    frames: u32,
-    [hi, wi]: [u32; 2],
-    ci: u32,
-    co: u32,
-    kernel: [u32; 2],
-    stride: u32,
-    padding: u32,
-) -> Conv2d {
-    let weights = PackedWeights { k: kernel[0] * kernel[1] * ci, n: co, storage: WeightType::F32 };
-    Conv2d {
-        frames,
-        hi,
-        wi,
-        ci,
-        kernel,
-        stride,
-        padding,
-        weights,
-        act: Activation::None,
-        relu_input: false,
-        bias: false,
-        residual: false,
-        residual2: false,
-    }
-}
-
-/// With everything optional.
-pub(crate) fn full(mut spec: Conv2d, storage: WeightType, act: Activation) -> Conv2d {
-    spec.weights.storage = storage;
-    Conv2d { act, relu_input: true, bias: true, residual: true, residual2: true, ..spec }
-}
-
-fn case(gpu: &Gpu, spec: &Conv2d) -> (Vec<f32>, Vec<f32>) {
-    compute(gpu, spec, rounds(gpu), &|_| ())
-}
-
-/// Result and oracle; `round` takes an input that f16 holds exactly, `change` sees every dispatch before it runs.
-fn compute(gpu: &Gpu, spec: &Conv2d, round: bool, change: &dyn Fn(&mut Dispatch)) -> (Vec<f32>, Vec<f32>) {
-    let [ho, wo] = spec.output();
-    let (k, co) = (spec.weights.k as usize, spec.weights.n as usize);
-    let mut rng = Rng::new(k as u64 * 31 + co as u64);
-    let x = rng.normal((spec.frames * spec.hi * spec.wi * spec.ci) as usize);
-    let x = if round { as_f16(&x) } else { x };
-    let w = as_f16(&rng.normal(k * co).iter().map(|v| v / (k as f32).sqrt()).collect::<Vec<_>>());
-    let weight = |k: usize, o: usize| w[k * co + o];
-    let out = (spec.frames * ho * wo) as usize * co;
-    let (bias, residual, residual2) = (rng.normal(co), rng.normal(out), rng.normal(out));
-    let packed = spec.weights.pack(weight);
-    let args = [
-        HostArg::F32(&x),
-        HostArg::Bytes(&packed),
-        HostArg::F32(&bias),
-        HostArg::F32(&residual),
-        HostArg::F32(&residual2),
-        HostArg::Out(out),
-    ];
-    let mut dispatches = spec.record(&gpu.caps).expect("records");
-    dispatches.iter_mut().for_each(change);
-    let got = run(gpu, &dispatches, &args, usize::from(Y.0)).expect("runs");
-    (got, cpu::conv2d(spec, &x, &weight, &bias, &residual, &residual2))
-}
-
 fn every_variant_matches_the_oracle(gpu: &Gpu) {
-    // One pixel, odd sizes, several column blocks, several windows of taps, parts of a tap (ci above 512 and 1024).
-    let specs = [
-        plain(1, [1, 1], 1, 1, [3, 3], 1, 1),
-        plain(2, [5, 7], 3, 5, [3, 3], 1, 1),
-        plain(2, [6, 5], 4, 8, [3, 3], 2, 1),
-        plain(1, [9, 11], 32, 36, [3, 3], 1, 1),
-        plain(3, [4, 5], 64, 64, [3, 3], 1, 1),
-        plain(1, [7, 6], 128, 100, [3, 3], 1, 1),
-        plain(1, [3, 4], 520, 8, [3, 3], 2, 1),
-        plain(1, [2, 3], 1036, 4, [1, 3], 1, 0),
-        plain(1, [10, 9], 12, 20, [5, 2], 3, 2),
-        plain(1, [28, 29], 3, 64, [14, 14], 14, 0),
-        plain(2, [3, 3], 8, 130, [1, 1], 1, 0),
-        plain(1, [2, 2], 4, 4, [3, 3], 1, 3),
-    ];
-    for spec in &specs {
-        let mut variants = vec![*spec];
-        for storage in [WeightType::F32, WeightType::F16] {
-            variants.push(full(*spec, storage, Activation::Relu));
-        }
-        if spec.ci == 32 {
-            variants.push(full(*spec, WeightType::F32, Activation::Gelu));
-        }
-        for spec in variants {
-            let (got, want) = case(gpu, &spec);
-            assert_close(&format!("{} {spec:?}", family(gpu)), &got, &want, 2e-6);
-        }
-    }
+    check_all(gpu, cases());
 }
 
 fn cooperative_tiles_match_the_oracle_through_their_stand_ins(gpu: &Gpu) {
@@ -119,15 +29,13 @@ fn cooperative_tiles_match_the_oracle_through_their_stand_ins(gpu: &Gpu) {
         (WeightType::F32, "cooperative_8", &shaders::STAND_IN_8_32)
     };
     let gpu = gpu.with_caps(caps);
-    let change = |dispatch: &mut Dispatch| {
+    let change = move |dispatch: &mut Dispatch| {
         assert_eq!(dispatch.shader.variant, chosen);
         dispatch.shader = stand_in;
     };
-    for spec in [plain(2, [6, 5], 4, 8, [3, 3], 2, 1), plain(1, [9, 11], 36, 68, [3, 3], 1, 1)] {
-        let spec = full(spec, storage, Activation::Relu);
-        let (got, want) = compute(&gpu, &spec, storage == WeightType::F16, &change);
-        assert_close(&format!("{} {spec:?}", stand_in.variant), &got, &want, 2e-6);
-    }
+    let specs = [plain(2, [6, 5], 4, 8, [3, 3], 2, 1), plain(1, [9, 11], 36, 68, [3, 3], 1, 1)];
+    let calls = specs.map(|spec| Changed { call: full(spec, storage, Activation::Relu), change, limit: 2e-6 });
+    check_all(&gpu, calls.map(Case::test));
 }
 
 fn splitting_over_frames_and_bands_changes_no_bit(gpu: &Gpu) {
@@ -138,13 +46,13 @@ fn splitting_over_frames_and_bands_changes_no_bit(gpu: &Gpu) {
         plain(1, [33, 12], 8, 16, [3, 3], 1, 4),
     ] {
         let spec = full(spec, WeightType::F32, Activation::Silu);
-        let (whole, _) = case(gpu, &spec);
+        let whole = computed(gpu, &spec, Y);
         // The weights (23 KB and less) stay whole; frames of 3 to 6 KB do not go five at a time, larger ones in bands.
         for limit in [8192, 4096] {
             let small = with_max_binding(gpu, limit);
             let count = spec.record(&small.caps).expect("records").len();
             assert!(count > spec.record(&gpu.caps).expect("records").len(), "{count} dispatches");
-            assert_eq!(whole, case(&small, &spec).0, "{} {spec:?} at {limit}", family(gpu));
+            assert_eq!(whole, computed(&small, &spec, Y), "{} {spec:?} at {limit}", family(gpu));
         }
     }
 }
@@ -154,16 +62,9 @@ fn values_that_are_not_finite_stay_near(gpu: &Gpu) {
     let mut x = vec![1.0f32; 6 * 6 * 4];
     x[0] = f32::INFINITY;
     let packed = spec.weights.pack(|_, _| 1.0);
-    let absent = [0.0f32];
-    let args = [
-        HostArg::F32(&x),
-        HostArg::Bytes(&packed),
-        HostArg::F32(&absent),
-        HostArg::F32(&absent),
-        HostArg::F32(&absent),
-        HostArg::Out(6 * 6 * 4),
-    ];
-    let y = run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
+    let absent = || Values::F32(vec![0.0]);
+    let args = [Values::F32(x), Values::Bytes(packed), absent(), absent(), absent(), Values::Out(6 * 6 * 4)];
+    let y = computed_from(gpu, &spec, &args, Y);
     let reached = |i: usize| i / 24 < 2 && i / 4 % 6 < 2;
     assert!((0..y.len()).all(|i| y[i].is_finite() != reached(i)), "{}", family(gpu));
 }

@@ -4,12 +4,14 @@ use omnix_kernels::readback::read;
 use omnix_kernels::reference_view::{INVERSE, ORDER, REF, ReferenceView, Strategy};
 use omnix_kernels::run::{HostArg, execute, upload};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, Trial, trials};
+use omnix_tests::cases::check_all;
+use omnix_tests::cases::reference_view::{cases, tokens};
+use omnix_tests::{Trial, trials};
 
 pub(crate) fn trials() -> Vec<Trial> {
     trials!(
         "reference_view",
-        device: [scores_choose_as_the_oracle_does, fixed_choices_and_few_views],
+        device: [choices_match_the_oracle, scores_choose_as_the_oracle_does, fixed_choices_and_few_views],
         once: [views_that_do_not_exist_are_errors],
     )
 }
@@ -29,16 +31,8 @@ fn compute(gpu: &Gpu, spec: &ReferenceView, x: &[f32]) -> usize {
     reference as usize
 }
 
-/// Class tokens as networks give them: alike, of lengths around 10.
-fn tokens(s: u32, c: u32, seed: u64) -> Vec<f32> {
-    let mut rng = Rng::new(seed);
-    let common = rng.normal(c as usize);
-    (0..s)
-        .flat_map(|_| {
-            let own = rng.normal(c as usize);
-            (0..c as usize).map(|i| common[i] + 0.4 * own[i]).collect::<Vec<_>>()
-        })
-        .collect()
+fn choices_match_the_oracle(gpu: &Gpu) {
+    check_all(gpu, cases());
 }
 
 fn scores_choose_as_the_oracle_does(gpu: &Gpu) {

@@ -1,9 +1,10 @@
 //! `resize` against its oracle.
 
-use omnix_kernels::resize::{Corners, Filter, Ratio, Resize, Y};
-use omnix_kernels::run::{HostArg, run};
+use omnix_kernels::resize::{Corners, Filter, Resize, Y};
 use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, Trial, assert_close, trials, with_max_binding};
+use omnix_tests::cases::resize::{cases, corners};
+use omnix_tests::cases::{Values, check_all, computed, computed_from};
+use omnix_tests::{Trial, trials, with_max_binding};
 
 pub(crate) fn trials() -> Vec<Trial> {
     trials!(
@@ -13,52 +14,8 @@ pub(crate) fn trials() -> Vec<Trial> {
     )
 }
 
-fn case(gpu: &Gpu, spec: &Resize) -> (Vec<f32>, Vec<f32>) {
-    let mut rng = Rng::new(u64::from(spec.hi * 7 + spec.c));
-    let x = rng.normal((spec.frames * spec.hi * spec.wi * spec.c) as usize);
-    let code = rng.normal(((spec.ho + spec.wo) * (spec.c / 2)) as usize);
-    let out = spec.frames * spec.ho * spec.wo * spec.c;
-    let args = [HostArg::F32(&x), HostArg::F32(&code), HostArg::Out(out as usize)];
-    let got = run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
-    (got, cpu::resize(spec, &x, &code))
-}
-
-fn corners() -> [Corners; 3] {
-    let ratio = |value: f64| Ratio::approximate(value).expect("in range");
-    [Corners::Align, Corners::HalfPixel, Corners::HalfPixelScaled { rows: ratio(37.0 / 20.1), columns: ratio(0.4321) }]
-}
-
 fn every_variant_matches_the_oracle(gpu: &Gpu) {
-    // hi, wi, ho, wo, c: one, up, down, one output, wide, a tenth.
-    let shapes = [
-        [1, 1, 3, 2, 1],
-        [4, 5, 8, 10, 4],
-        [5, 4, 1, 1, 3],
-        [9, 13, 4, 31, 36],
-        [20, 36, 40, 71, 64],
-        [3, 2, 70, 33, 8],
-        [6, 7, 9, 30, 6],
-        [6, 7, 9, 5, 20],
-        [37, 37, 20, 36, 12],
-        [6, 5, 9, 12, 13],
-        [5, 4, 7, 9, 128],
-        [2, 300, 2, 517, 4],
-        [7, 9, 11, 13, 16],
-        [5, 6, 9, 70, 32],
-        [3, 50, 2, 5, 16],
-    ];
-    for [hi, wi, ho, wo, c] in shapes {
-        for filter in [Filter::Bilinear, Filter::Bicubic] {
-            for (frames, corners, code) in
-                [(2, corners()[0], true), (1, corners()[0], false), (2, corners()[1], false), (1, corners()[2], true)]
-            {
-                let code = code && c % 2 == 0;
-                let spec = Resize { frames, hi, wi, ho, wo, c, filter, corners, code };
-                let (got, want) = case(gpu, &spec);
-                assert_close(&format!("{} {spec:?}", gpu.caps.tier), &got, &want, 1e-6);
-            }
-        }
-    }
+    check_all(gpu, cases());
 }
 
 fn long_sides_lose_no_precision(gpu: &Gpu) {
@@ -77,8 +34,8 @@ fn long_sides_lose_no_precision(gpu: &Gpu) {
             corners,
             code: false,
         };
-        let args = [HostArg::F32(&x), HostArg::F32(&[0.0]), HostArg::Out(n_out as usize)];
-        let got = run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs");
+        let args = [Values::F32(x.clone()), Values::F32(vec![0.0]), Values::Out(n_out as usize)];
+        let got = computed_from(gpu, &spec, &args, Y);
         let want = cpu::resize(&spec, &x, &[]);
         let worst = got.iter().zip(&want).map(|(g, w)| (g - w).abs()).fold(0.0, f32::max);
         assert!(worst < 1e-6, "{} {corners:?}: {worst}", gpu.caps.tier);
@@ -94,10 +51,9 @@ fn splitting_over_frames_and_bands_changes_no_bit(gpu: &Gpu) {
     ] {
         for filter in [Filter::Bilinear, Filter::Bicubic] {
             let spec = Resize { frames: 3, hi, wi, ho, wo, c, filter, corners, code: c % 2 == 0 };
-            let (whole, _) = case(gpu, &spec);
             let small = with_max_binding(gpu, 3072);
             assert!(spec.record(&small.caps).expect("records").len() > 2);
-            assert_eq!(whole, case(&small, &spec).0, "{} {spec:?}", gpu.caps.tier);
+            assert_eq!(computed(gpu, &spec, Y), computed(&small, &spec, Y), "{} {spec:?}", gpu.caps.tier);
         }
     }
 }

@@ -1,30 +1,29 @@
 //! `swiglu` against its oracle.
 
-use omnix_kernels::run::{HostArg, run};
 use omnix_kernels::swiglu::{SwiGlu, Y};
-use omnix_kernels::{Caps, Gpu, cpu};
-use omnix_tests::{Rng, Trial, assert_close, trials, with_max_binding};
+use omnix_kernels::{Caps, Gpu};
+use omnix_tests::cases::swiglu::cases;
+use omnix_tests::cases::{check_all, computed};
+use omnix_tests::{Trial, trials, with_max_binding};
 
 pub(crate) fn trials() -> Vec<Trial> {
     trials!(
         "swiglu",
-        tiers: [matches_the_oracle_and_splitting_changes_no_bit],
+        tiers: [matches_the_oracle, splitting_at_the_binding_limit_changes_no_bit],
         once: [a_row_above_the_binding_limit_is_an_error],
     )
 }
 
-fn matches_the_oracle_and_splitting_changes_no_bit(gpu: &Gpu) {
+fn matches_the_oracle(gpu: &Gpu) {
+    check_all(gpu, cases());
+}
+
+fn splitting_at_the_binding_limit_changes_no_bit(gpu: &Gpu) {
     let small = with_max_binding(gpu, 4096);
-    for (m, h) in [(1, 1), (3, 5), (7, 4), (50, 36), (129, 65), (40, 128), (300, 44), (3, 28)] {
-        let x = Rng::new(u64::from(m * h)).normal((m * 2 * h) as usize);
+    for (m, h) in [(50, 36), (129, 65), (40, 128), (300, 44)] {
         let spec = SwiGlu { m, h };
-        let want = cpu::swiglu((m as usize, h as usize), &x);
-        let on = |gpu: &omnix_kernels::Gpu| {
-            let args = [HostArg::F32(&x), HostArg::Out((m * h) as usize)];
-            run(gpu, &spec.record(&gpu.caps).expect("records"), &args, usize::from(Y.0)).expect("runs")
-        };
-        assert_close(&format!("{} {m}x{h}", gpu.caps.tier), &on(gpu), &want, 1e-6);
-        assert_eq!(on(gpu), on(&small), "{m}x{h}");
+        assert!(spec.record(&small.caps).expect("records").len() > 1, "{spec:?}");
+        assert_eq!(computed(gpu, &spec, Y), computed(&small, &spec, Y), "{spec:?}");
     }
 }
 

@@ -1,9 +1,9 @@
 //! `traj_apply` against its oracle.
 
-use omnix_kernels::readback::read;
-use omnix_kernels::run::{HostArg, execute, upload};
 use omnix_kernels::traj_apply::{Gate, Motion, THETA, TrajApply, Y};
 use omnix_kernels::{Caps, Gpu, cpu};
+use omnix_tests::cases::traj_apply::{RELEASE as RELATIVE, Seen, cases, inputs};
+use omnix_tests::cases::{Values, check_all, results};
 use omnix_tests::{Rng, Trial, assert_close, gpu, trials, with_max_binding};
 
 pub(crate) fn trials() -> Vec<Trial> {
@@ -14,45 +14,17 @@ pub(crate) fn trials() -> Vec<Trial> {
     )
 }
 
-const RELATIVE: Motion = Motion { relative: true, min_norm: 1e-3, gate: Gate::Hard(0.3) };
-
-/// Every combination of the switches.
-pub(crate) fn motions() -> Vec<Motion> {
-    let gates = [Gate::None, Gate::Hard(0.3), Gate::Blend];
-    [true, false].iter().flat_map(|r| gates.map(|gate| Motion { relative: *r, min_norm: 1e-3, gate })).collect()
-}
-
-/// tau near the identity with scores in 0..1, and points.
-fn inputs(spec: &TrajApply) -> (Vec<f32>, Vec<f32>) {
-    let (n, row) = (spec.n as usize, spec.times as usize * 9 + 1);
-    let mut rng = Rng::new(u64::from(spec.n + spec.times));
-    let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
-    let mut tau: Vec<f32> =
-        rng.normal(n * row).iter().enumerate().map(|(i, v)| identity[i % row % 9] + 0.4 * v).collect();
-    tau.iter_mut().skip(row - 1).step_by(row).for_each(|theta| *theta = rng.uniform());
-    (tau, rng.normal(n * 3))
-}
-
 fn compute(gpu: &Gpu, spec: &TrajApply, tau: &[f32], points: &[f32], own: u32) -> (Vec<f32>, Vec<f32>) {
     let n = spec.n as usize;
-    let out = [HostArg::Out(spec.times as usize * n * 3), HostArg::Out(n)];
-    let slices =
-        upload(gpu, &[HostArg::F32(tau), HostArg::F32(points), HostArg::U32(&[own]), out[0], out[1]]).expect("uploads");
-    execute(gpu, &spec.record(&gpu.caps).expect("records"), &slices).expect("runs");
-    (read(gpu, &slices[usize::from(Y.0)]).expect("reads"), read(gpu, &slices[usize::from(THETA.0)]).expect("reads"))
+    let inputs = [Values::F32(tau.to_vec()), Values::F32(points.to_vec()), Values::U32(vec![own])];
+    let outputs = [Values::Out(spec.times as usize * n * 3), Values::Out(n)];
+    let args: Vec<Values> = inputs.into_iter().chain(outputs).collect();
+    let got = results(gpu, &Seen { spec: *spec, own }, &args, &[Y, THETA]);
+    (bytemuck::pod_collect_to_vec(&got[0]), bytemuck::pod_collect_to_vec(&got[1]))
 }
 
 fn matches_the_oracle_with_every_switch(gpu: &Gpu) {
-    for motion in motions() {
-        for (n, times, own) in [(1, 1, 0), (7, 3, 2), (65, 4, 1), (300, 2, 0)] {
-            let spec = TrajApply { n, times, motion };
-            let (tau, points) = inputs(&spec);
-            let (y, theta) = compute(gpu, &spec, &tau, &points, own);
-            let (want_y, want_theta) = cpu::traj_apply(&spec, &tau, &points, own as usize);
-            assert_close(&format!("{spec:?}"), &y, &want_y, 1e-6);
-            assert_eq!(theta, want_theta);
-        }
-    }
+    check_all(gpu, cases());
 }
 
 fn a_point_stays_where_it_is_at_its_own_time(gpu: &Gpu) {

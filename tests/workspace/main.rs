@@ -22,7 +22,7 @@ fn crates_know_only_what_they_may() {
 }
 
 #[test]
-fn every_kernel_is_in_its_five_places() {
+fn every_kernel_is_in_its_six_places() {
     assert_eq!(errors(places::check(&tree())), "");
 }
 

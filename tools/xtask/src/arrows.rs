@@ -29,7 +29,7 @@ const ARROWS: [(&str, &[&str]); 13] = [
     ("omnix", LIBRARIES),
     ("omnix-cli", ALL_BUT_CLI),
     ("omnix-tests", ALL_BUT_CLI),
-    ("omnix-benches", ALL_BUT_CLI),
+    ("omnix-benches", BENCHES),
     ("xtask", &[]),
 ];
 
@@ -58,6 +58,9 @@ const ALL_BUT_CLI: &[&str] = &[
     "omnix-weights",
     "xtask",
 ];
+
+/// What benches measure, and the tests' package, which has the kernels' cases.
+const BENCHES: &[&str] = &["omnix", "omnix-graph", "omnix-kernels", "omnix-tests", "omnix-weights"];
 
 /// Packages that run without a GPU and compile in seconds: they never reach [`DEVICE`].
 const NO_DEVICE: [&str; 5] = ["omnix-geometry", "omnix-io", "omnix-shaders", "omnix-tensors", "omnix-weights"];

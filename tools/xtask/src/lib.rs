@@ -1,6 +1,6 @@
 //! Checks of the tree that neither rustc nor clippy makes: `cargo xtask tidy`, and the same as tests in `tests/workspace`.
 //!
-//! [`places`]: a kernel is in its five places. [`text`]: length, header and leftovers of a file. [`sizes`]: no large files.
+//! [`places`]: a kernel is in its six places. [`text`]: length, header and leftovers of a file. [`sizes`]: no large files.
 //! [`arrows`]: which crate may know which. [`dependencies`]: what a Cargo.toml names is used. [`circles`]: no circle of
 //! imports between the files of a crate. Each check is a pure function from what was read to [`Finding`]s.
 

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use xtask::{Level, XtaskError};
 
-const USAGE: &str = "usage: cargo xtask tidy    five places of each kernel, length, header and size of files, \
+const USAGE: &str = "usage: cargo xtask tidy    six places of each kernel, length, header and size of files, \
                      leftovers, arrows between crates, unused dependencies, circles of imports";
 
 fn main() -> ExitCode {

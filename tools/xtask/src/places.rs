@@ -1,4 +1,4 @@
-//! One name, five places: a kernel `k` has its WGSL, its host side, its CPU oracle, its test and its bench.
+//! One name, six places: a kernel `k` has its WGSL, its host side, its CPU oracle, its cases, its test and its bench.
 
 use std::collections::BTreeSet;
 
@@ -8,12 +8,12 @@ use crate::{Finding, Tree};
 const NO_KERNELS: [&str; 4] = ["check", "compose", "lib", "src"];
 /// Files beside the kernels' own in the other places: module roots, what the tests or benches of several share, and the
 /// tests of the device and of all kernels' memory layouts and bounds.
-const NO_KERNEL_FILES: [&str; 7] = ["bounds", "common", "device", "layout", "main", "mod", "support"];
+const NO_KERNEL_FILES: [&str; 8] = ["bounds", "case", "common", "device", "layout", "main", "mod", "support"];
 
 /// Folders whose every file belongs to the kernel of its name.
-const OWNED: [&str; 3] = ["crates/omnix-kernels/src/cpu", "tests/kernels", "benches/kernels"];
+const OWNED: [&str; 4] = ["crates/omnix-kernels/src/cpu", "tests/harness/cases", "tests/kernels", "benches/kernels"];
 
-/// Every kernel is in its five places, and no test, bench or oracle lacks its kernel.
+/// Every kernel is in its six places, and no test, bench or oracle lacks its kernel.
 pub fn check(tree: &Tree) -> Vec<Finding> {
     let kernels: BTreeSet<&str> =
         tree.folders("shaders").into_iter().filter(|name| !NO_KERNELS.contains(name)).collect();
@@ -44,7 +44,7 @@ pub fn check(tree: &Tree) -> Vec<Finding> {
 fn missing(kernel: &str, path: &str) -> Finding {
     Finding::error(
         path,
-        format!("missing: kernel `{kernel}` must be in five places (CONTRIBUTING.md, \"Add a kernel\")"),
+        format!("missing: kernel `{kernel}` must be in six places (CONTRIBUTING.md, \"Add a kernel\")"),
     )
 }
 
@@ -52,10 +52,11 @@ fn missing(kernel: &str, path: &str) -> Finding {
 mod tests {
     use super::*;
 
-    const WHOLE: [&str; 5] = [
+    const WHOLE: [&str; 6] = [
         "shaders/gelu/gelu.wgsl",
         "crates/omnix-kernels/src/gelu.rs",
         "crates/omnix-kernels/src/cpu/gelu.rs",
+        "tests/harness/cases/gelu.rs",
         "tests/kernels/gelu.rs",
         "benches/kernels/gelu.rs",
     ];
@@ -73,6 +74,7 @@ mod tests {
             "shaders/build.rs",
             "tests/kernels/main.rs",
             "tests/kernels/common.rs",
+            "tests/harness/cases/case.rs",
         ];
         assert_eq!(findings(WHOLE.into_iter().chain(beside)), Vec::<String>::new());
         assert_eq!(
