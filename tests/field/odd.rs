@@ -105,7 +105,7 @@ fn a_network_without_trajectories_says_so() {
     let weights = Weights::open(&folder).unwrap();
     let refused = RunPlan::new(&weights, &request(2), engine().caps());
     let error = refused.map(|_| ()).unwrap_err();
-    assert!(matches!(error, OmnixError::NoMotion { .. }) && error.to_string().contains("--weights"), "{error}");
+    assert!(matches!(error, OmnixError::NoMotion { .. }) && error.to_string().contains("OmniX checkpoint"), "{error}");
 }
 
 #[test]

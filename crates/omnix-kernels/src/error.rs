@@ -5,9 +5,7 @@
 #[non_exhaustive]
 pub enum KernelError {
     /// No device to run on.
-    #[error(
-        "no usable device: {reason}; `omnix devices` lists what there is, and tools/setup installs Mesa's lavapipe, which needs no GPU"
-    )]
+    #[error("no usable device: {reason}; install a driver, such as Mesa's lavapipe, which needs no GPU")]
     NoAdapter {
         /// What was found instead.
         reason: String,
@@ -54,7 +52,7 @@ pub enum KernelError {
     },
     /// The device is out of memory.
     #[error(
-        "out of device memory while allocating {bytes} bytes for {what}; lower --memory-budget or use fewer or smaller images"
+        "out of device memory while allocating {bytes} bytes for {what}; set a smaller memory budget, or use fewer or smaller images"
     )]
     OutOfMemory {
         /// What the buffer was for.
@@ -63,7 +61,7 @@ pub enum KernelError {
         bytes: u64,
     },
     /// The device went away while work was in flight.
-    #[error("the device was lost: {message}; run again, or pick another with --device")]
+    #[error("the device was lost: {message}; run again, or use another device")]
     DeviceLost {
         /// The driver's words.
         message: String,

@@ -54,7 +54,7 @@ impl Network {
         let never_selects = self.config.family == Family::OmniX;
         if never_selects && !matches!(spec.reference, ReferenceChoice::First | ReferenceChoice::Forced(0)) {
             return request(
-                format!("{:?} as the reference view", spec.reference),
+                format!("{} as the reference view", spec.reference),
                 format!("{name} takes the first image"),
             );
         }

@@ -45,7 +45,7 @@ pub enum OmnixError {
         reason: String,
     },
     /// Trajectories of a network that has none.
-    #[error("{network} has no trajectories: leave out what needs motion, or use an OmniX checkpoint with --weights")]
+    #[error("{network} has no trajectories: leave out what needs motion, or use an OmniX checkpoint")]
     NoMotion {
         /// The network.
         network: String,

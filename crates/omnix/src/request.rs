@@ -19,8 +19,8 @@ pub struct Request {
     pub height: usize,
     /// Columns of an image; a multiple of 14.
     pub width: usize,
-    /// (video, frame in its video) of each image, for networks with time codes; by default one video in order.
-    pub times: Vec<(u32, u32)>,
+    /// (video, frame in its video) of each image, for networks with time codes; `None` is one video in order.
+    pub times: Option<Vec<(u32, u32)>>,
     /// Which view carries the reference token; `None` is the network's own default.
     pub reference: Option<ReferenceChoice>,
     /// Known cameras (for the processed size), world-to-camera.
@@ -71,7 +71,7 @@ impl Request {
             images,
             height,
             width,
-            times: (0..images as u32).map(|i| (0, i)).collect(),
+            times: None,
             reference: None,
             cameras: None,
             align: AlignTo::Given,
@@ -93,6 +93,11 @@ impl Request {
         (self.height / PATCH, self.width / PATCH)
     }
 
+    /// (video, frame in its video) of each image.
+    pub(crate) fn image_times(&self) -> Vec<(u32, u32)> {
+        self.times.clone().unwrap_or_else(|| (0..self.images as u32).map(|image| (0, image)).collect())
+    }
+
     /// Checks counts and sizes.
     ///
     /// # Errors
@@ -112,8 +117,13 @@ impl Request {
                 "images of {w}x{h} pixels: both sides must be multiples of {PATCH}; use the preprocessing of omnix::io"
             ));
         }
-        if self.times.len() != self.images {
-            return wrong(format!("{} times for {} images", self.times.len(), self.images));
+        if u32::try_from(self.images).is_err() {
+            return wrong(format!("{} images: frames are counted in 32 bits", self.images));
+        }
+        if let Some(times) = &self.times
+            && times.len() != self.images
+        {
+            return wrong(format!("{} times for {} images", times.len(), self.images));
         }
         if let Some(cameras) = &self.cameras
             && cameras.len() != self.images
@@ -136,7 +146,7 @@ impl Request {
     /// (video, frame) of each image.
     #[must_use]
     pub fn times(mut self, times: Vec<(u32, u32)>) -> Self {
-        self.times = times;
+        self.times = Some(times);
         self
     }
 

@@ -94,9 +94,9 @@ pub fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter, KernelError> {
         Some(text) => {
             let by_index = text.parse::<usize>().ok().filter(|i| *i < adapters.len());
             let lower = text.to_lowercase();
-            by_index
-                .or_else(|| names.iter().position(|n| n.to_lowercase().contains(&lower)))
-                .ok_or_else(|| none(format!("no device matches `{text}`; there are {}", listed())))?
+            by_index.or_else(|| names.iter().position(|n| n.to_lowercase().contains(&lower))).ok_or_else(|| {
+                none(format!("no device has the index or a name with `{text}`; by index the devices are {}", listed()))
+            })?
         }
     };
     let reasons = shortcomings(&adapters[index]);

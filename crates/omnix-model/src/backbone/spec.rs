@@ -1,5 +1,7 @@
 //! What the backbone is asked for, and what it gives.
 
+use std::fmt;
+
 use omnix_graph::Value;
 use omnix_graph::ops::Strategy;
 use omnix_weights::Scope;
@@ -24,6 +26,18 @@ pub enum ReferenceChoice {
     SaddleSimRange,
     /// This view.
     Forced(usize),
+}
+
+impl fmt::Display for ReferenceChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::First => f.write_str("the first image"),
+            Self::Middle => f.write_str("the middle image"),
+            Self::SaddleBalanced => f.write_str("the most average image (saddle_balanced)"),
+            Self::SaddleSimRange => f.write_str("the image with the widest range of similarities (saddle_sim_range)"),
+            Self::Forced(image) => write!(f, "image {image}"),
+        }
+    }
 }
 
 /// What the backbone is asked for.

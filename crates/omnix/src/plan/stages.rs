@@ -54,7 +54,7 @@ fn backbone(weights: &Weights, request: &Request) -> Result<Graph, OmnixError> {
         grid: request.grid(),
         reference: request.reference.unwrap_or_else(|| weights.network().default_reference()),
         cameras_given: request.cameras.is_some(),
-        times: request.times.clone(),
+        times: request.image_times(),
         export_layers: Vec::new(),
     };
     let mut graph = Graph::new();
@@ -70,7 +70,7 @@ fn head(weights: &Weights, request: &Request, frames: usize) -> Result<Graph, Om
 }
 
 fn module(weights: &Weights, request: &Request) -> Result<Graph, OmnixError> {
-    let spec = MotionSpec { images: request.images, grid: request.grid(), times: request.times.clone() };
+    let spec = MotionSpec { images: request.images, grid: request.grid(), times: request.image_times() };
     let mut graph = Graph::new();
     weights.network().motion(&mut graph, &spec)?;
     Ok(graph)
@@ -224,7 +224,7 @@ fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<RunPlan, Om
     Err(OmnixError::Budget {
         budget: request.budget.unwrap_or(u64::MAX),
         least: budget.least,
-        hint: "fewer images with --frames, smaller ones with --process-res or --size, or --weights-type f16 or i8",
+        hint: "fewer or smaller images take less, and so do weights stored as f16 or i8",
     })
 }
 

@@ -93,10 +93,9 @@ impl Session {
         let BackboneResults { features, cameras, .. } = kept;
         drop(features);
         self.engine.gpu().wait()?;
-        let times = &self.plan.request.times;
+        let times = self.plan.request.image_times();
         let images = cameras.into_iter().zip(times);
-        let images =
-            images.map(|(camera, (video, frame))| FieldImage { video: *video, frame: *frame, time_s: None, camera });
+        let images = images.map(|(camera, (video, frame))| FieldImage { video, frame, time_s: None, camera });
         let maps = confidence.into_iter().map(|confidence| ImageMaps { confidence, ..ImageMaps::default() });
         let known = (images.collect(), Maps::Memory(maps.collect()));
         let weights = self.weights.checkpoint();
