@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use omnix_io::{
     Export, FrameChoice, IoError, RunSummary, SinkOptions, open_sinks,
-    output::manifest::{Manifest, ManifestFrame, Weights},
+    output::manifest::{Manifest, ManifestFrame, Weights, WrittenFile},
     probe, write_manifest,
 };
 use serde_json::{Map, Value, json};
@@ -16,7 +16,7 @@ use crate::{
 
 fn refused(dir: &Path) -> IoError {
     let error = open_sinks(&[Export::Npz], dir, &SinkOptions::default()).err().expect("the folder was accepted");
-    assert!(error.to_string().contains("--out"), "{error}");
+    assert!(error.to_string().contains("choose another"), "{error}");
     error
 }
 
@@ -138,16 +138,24 @@ fn manifest_states_everything() {
         versions: Map::from_iter([("wgpu".to_owned(), Value::from("30"))]),
         frames: ManifestFrame::of_plan(&plan, (504, 378), 1),
         notes: Vec::new(),
-        files,
+        files: files.into_iter().map(|path| WrittenFile { path, moving: false }).collect(),
+        network_points: "ray maps".into(),
         interrupted: true,
     };
     let path = write_manifest(&out, &manifest).unwrap();
     let text = fs::read_to_string(path).unwrap();
     let document: Value = serde_json::from_str(&text).unwrap();
     assert_eq!((&document["interrupted"], &document["images"][0]["done"]), (&json!(true), &json!(true)));
-    assert_eq!((&document["images"][1]["done"], &document["images"][1]["size"]), (&json!(false), &json!([504, 378])));
+    let size = json!({ "width": 504, "height": 378 });
+    assert_eq!((&document["images"][1]["done"], &document["images"][1]["size"]), (&json!(false), &size));
     for file in document["files"].as_array().unwrap() {
         assert!(out.join(file["path"].as_str().unwrap()).is_file(), "{file}");
         assert_ne!(file["contains"], "see the name", "{file}");
+        let points = if ["points.ply", "scene.glb"].contains(&file["path"].as_str().unwrap()) {
+            json!("depth and camera")
+        } else {
+            Value::Null
+        };
+        assert_eq!(file["points_from"], points, "{file}");
     }
 }

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod choose;
+mod formats;
 mod glb;
 mod images;
 mod made;

@@ -225,8 +225,20 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
     },
+    /// Another run writes to the output folder.
+    #[error("another run is writing to this folder: wait until it ends, or choose another folder: {path}")]
+    FolderInUse {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file that was written is gone before the run has ended.
+    #[error("written and gone again: something removed it while the run went on: {path}")]
+    Vanished {
+        /// The file.
+        path: PathBuf,
+    },
     /// The output folder cannot be made or written to.
-    #[error("cannot write to the output folder: choose another with --out or change its permissions: {path}")]
+    #[error("cannot write to the output folder: choose another or change its permissions: {path}")]
     OutputFolder {
         /// The folder.
         path: PathBuf,
@@ -234,8 +246,26 @@ pub enum IoError {
         source: io::Error,
     },
     /// No space left.
-    #[error("the disk is full: free some space or choose another folder with --out; while writing {path}")]
+    #[error("the disk is full: free some space or choose another folder; while writing {path}")]
     DiskFull {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// No space left where temporary files go.
+    #[error("no space left for temporary files: free some space there, or name another folder in TMPDIR: {path}")]
+    TemporaryFull {
+        /// The system's folder for temporary files.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// A file above the size that the system allows this process (`ulimit -f`).
+    #[error(
+        "the file grew above the size that this process may write (ulimit -f): raise the limit, or write less; while writing {path}"
+    )]
+    FileTooLarge {
         /// The file.
         path: PathBuf,
         /// The system's error.
@@ -260,11 +290,15 @@ pub enum IoError {
 }
 
 impl IoError {
-    /// Wraps a failed write: a full disk or an exceeded quota gets a name of its own.
+    /// Wraps a failed write: a full disk, an exceeded quota and a file above the size allowed get names of their own.
     pub fn write(path: impl Into<PathBuf>, source: io::Error) -> Self {
         let path = path.into();
         match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded if path == std::env::temp_dir() => {
+                Self::TemporaryFull { path, source }
+            }
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::DiskFull { path, source },
+            io::ErrorKind::FileTooLarge => Self::FileTooLarge { path, source },
             _ => Self::Write { path, source },
         }
     }

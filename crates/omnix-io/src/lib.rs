@@ -15,4 +15,4 @@ pub mod preprocess;
 
 pub use error::IoError;
 pub use input::{FrameChoice, FrameLoader, InputPlan, Picture, PlannedFrame, probe};
-pub use output::{Export, FrameResult, RunSummary, Sink, SinkOptions, manifest::write_manifest, open_sinks};
+pub use output::{Export, FrameResult, RunSize, RunSummary, Sink, SinkOptions, manifest::write_manifest, open_sinks};

@@ -22,7 +22,7 @@ mod rows;
 mod view;
 mod writer;
 
-pub use atomic::AtomicFile;
+pub use atomic::{AtomicFile, abandon, is_unfinished};
 pub use convert::Findings;
 pub use dtype::{Dtype, Float};
 pub use error::TensorError;

@@ -4,7 +4,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{Export, FrameResult};
+use super::frame::FrameResult;
 use crate::IoError;
 
 /// A camera with everything inverted once.
@@ -33,8 +33,8 @@ fn rows3(m: [[f32; 3]; 3]) -> DMat3 {
 
 impl Camera {
     /// The camera of a result, or an error that names what is missing.
-    pub(super) fn of(frame: &FrameResult<'_>, export: Export) -> Result<Self, IoError> {
-        let missing = |missing| IoError::MissingField { export: export.name(), missing, index: frame.index };
+    pub(super) fn of(frame: &FrameResult<'_>, export: &'static str) -> Result<Self, IoError> {
+        let missing = |missing| IoError::MissingField { export, missing, index: frame.index };
         let extrinsics = frame.extrinsics.ok_or_else(|| missing("extrinsics"))?;
         let intrinsics = frame.intrinsics.ok_or_else(|| missing("intrinsics"))?;
         Self::new(extrinsics, intrinsics).ok_or_else(|| missing("an invertible camera"))
@@ -124,7 +124,7 @@ mod tests {
             intrinsics: Some([[100.0, 0.0, 10.0], [0.0, 50.0, 20.0], [0.0, 0.0, 1.0]]),
             sky: None,
         };
-        let camera = Camera::of(&frame, Export::Ply).unwrap();
+        let camera = Camera::of(&frame, "ply").unwrap();
         let world = camera.to_world(camera.ray(60.0, 45.0) * 2.0);
         let seen = camera.to_camera(world);
         assert!((seen - DVec3::new(1.0, 1.0, 2.0)).length() < 1e-12, "{seen}");

@@ -12,8 +12,35 @@ use image::{
 };
 use serde::Serialize;
 
-use super::{Export, FrameResult, RunSummary, Sink, SinkOptions, atomic, colour};
+use super::{
+    atomic, colour,
+    format::{FileKind, Format},
+    frame::{FrameResult, RunSummary, Sink},
+    options::SinkOptions,
+};
 use crate::IoError;
+
+pub(super) const FORMAT: Format = Format {
+    name: "depth",
+    by_default: true,
+    files: &[
+        FileKind::of_images(
+            "depth/NNNNNN.png",
+            "depth as 16-bit grey; scale in depth/depth.json and in the text chunk omnix:depth_scale",
+        ),
+        FileKind::of_images(
+            "depth_color/NNNNNN.png",
+            "inverse depth, 2nd to 98th percentile, Spectral: near red, far violet, no depth black",
+        ),
+        FileKind::one(
+            "depth/depth.json",
+            "scale and range of every depth picture: 16-bit value * scale = depth, 0 = no depth",
+        ),
+    ],
+    disk: |size| size.all().saturating_mul(5),
+    frames: Some(|dir, options| Ok(Box::new(DepthSink::new(dir, options)))),
+    ..Format::NONE
+};
 
 #[derive(Serialize)]
 struct Entry {
@@ -36,7 +63,7 @@ struct Sidecar<'a> {
 }
 
 /// Writes each image's two files at once; only the list is kept.
-pub(super) struct DepthSink {
+struct DepthSink {
     dir: PathBuf,
     unit: String,
     entries: Vec<Entry>,
@@ -44,18 +71,14 @@ pub(super) struct DepthSink {
 }
 
 impl DepthSink {
-    pub(super) fn new(dir: &Path, options: &SinkOptions) -> Self {
+    fn new(dir: &Path, options: &SinkOptions) -> Self {
         Self { dir: dir.to_owned(), unit: options.unit.clone(), entries: Vec::new(), written: Vec::new() }
     }
 }
 
 impl Sink for DepthSink {
-    fn export(&self) -> Export {
-        Export::Depth
-    }
-
     fn frame(&mut self, frame: &FrameResult<'_>) -> Result<(), IoError> {
-        frame.check(Export::Depth)?;
+        frame.check(FORMAT.name)?;
         let valid = |d: &&f32| d.is_finite() && **d > 0.0;
         let min = frame.depth.iter().filter(valid).copied().reduce(f32::min);
         let max = frame.depth.iter().filter(valid).copied().reduce(f32::max);

@@ -10,23 +10,54 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use serde_json::json;
 
 use super::{
-    Export, FrameResult, RunSummary, Sink, SinkOptions,
     atomic::AtomicFile,
     camera::{Camera, Point, for_each_point},
-    colour,
+    format::{Each, FileKind, Format, Points},
+    frame::{FrameResult, RunSummary, Sink},
+    glb_layout::{camera_colour, frustum, placement, rows},
+    glb_motion::write_glb_motion,
     gltf::{LINES, POINTS, Scene, TO_GLTF},
+    options::SinkOptions,
     sample::{ConfidenceSample, Reservoir, percentile},
 };
 use crate::IoError;
 
+const NAME: &str = "scene.glb";
+const CONTAINS: &str = "points and cameras in glTF axes of the first image's camera, centred on the points' median; moving points as morph targets";
+
+/// Of a run with motion the moving scene takes the place of the still one, when all of it is known.
+pub(super) const FORMAT: Format = Format {
+    name: "glb",
+    needs_cameras: true,
+    by_default: true,
+    files: &[
+        FileKind { name: NAME, each: Each::StillRun, contains: CONTAINS, points: Points::DepthAndCamera },
+        FileKind { name: NAME, each: Each::MovingRun, contains: CONTAINS, points: Points::Network },
+    ],
+    disk: |size| {
+        if size.motion {
+            size.paths(size.moving(), 0, 20 + 12 * size.images.min(32))
+        } else {
+            size.still(1_000_000).saturating_mul(16)
+        }
+    },
+    memory: |size| if size.motion { size.path_memory(8) } else { 0 },
+    frames: Some(|dir, options| Ok(Box::new(GlbSink::new(dir, options)))),
+    points: Some(|dir, points, options| {
+        let written = write_glb_motion(&dir.join(NAME), options.fps, points, &options.glb)?;
+        Ok(written.into_iter().collect())
+    }),
+    ..Format::NONE
+};
+
 /// Sizes in a glb file are 32 bits wide, and no viewer shows more.
 const MAX_POINTS: usize = 100_000_000;
 
-pub(super) struct GlbSink {
+struct GlbSink {
     path: PathBuf,
     options: SinkOptions,
     points: Reservoir<Point>,
@@ -42,13 +73,13 @@ struct View {
 }
 
 impl GlbSink {
-    pub(super) fn new(dir: &Path, options: &SinkOptions) -> Self {
+    fn new(dir: &Path, options: &SinkOptions) -> Self {
         // Enough to be left with the wanted number after the threshold, which never drops more than nine in ten.
         let share = (1.0 - f64::from(options.glb_confidence_percentile) / 100.0).clamp(0.1, 1.0);
         let max_points = options.glb_max_points.min(MAX_POINTS);
         let capacity = (max_points as f64 / share).ceil() as usize;
         Self {
-            path: dir.join("scene.glb"),
+            path: dir.join(NAME),
             options: SinkOptions { glb_max_points: max_points, ..options.clone() },
             points: Reservoir::new(capacity, options.seed),
             confidences: ConfidenceSample::new(options.seed),
@@ -58,13 +89,9 @@ impl GlbSink {
 }
 
 impl Sink for GlbSink {
-    fn export(&self) -> Export {
-        Export::Glb
-    }
-
     fn frame(&mut self, frame: &FrameResult<'_>) -> Result<(), IoError> {
-        frame.check(Export::Glb)?;
-        let camera = Camera::of(frame, Export::Glb)?;
+        frame.check(FORMAT.name)?;
+        let camera = Camera::of(frame, FORMAT.name)?;
         self.confidences.add(frame);
         for_each_point(frame, &camera, |point| {
             self.points.offer(point);
@@ -112,32 +139,6 @@ fn threshold(sorted: &[f32], percent: f32) -> Option<f32> {
     Some(percentile(sorted, percent)?.max(1.05).min(percentile(sorted, 90.0)?))
 }
 
-/// The points' median, and how far before their centres cameras are drawn: 0.03 times the diagonal of the 5..95 % box.
-pub(super) fn placement(positions: &[DVec3]) -> (DVec3, f64) {
-    let axes = sorted_axes(positions);
-    let at = |p: f32| DVec3::from_array(std::array::from_fn(|a| percentile(&axes[a], p).map_or(0.0, f64::from)));
-    let diagonal = (at(95.0) - at(5.0)).length();
-    // A single point or none has no box; the cameras must not vanish with it.
-    (at(50.0), if diagonal > 0.0 { 0.03 * diagonal } else { 0.03 })
-}
-
-pub(super) fn rows(camera: Camera) -> [[f64; 4]; 3] {
-    let t = camera.to_camera(DVec3::ZERO);
-    let r = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::Z);
-    std::array::from_fn(|i| {
-        let column = |j: usize| (camera.to_camera(r.col(j)) - t)[i];
-        [column(0), column(1), column(2), t[i]]
-    })
-}
-
-fn sorted_axes(positions: &[DVec3]) -> [Vec<f32>; 3] {
-    std::array::from_fn(|axis| {
-        let mut values: Vec<f32> = positions.iter().map(|p| p[axis] as f32).collect();
-        values.sort_unstable_by(f32::total_cmp);
-        values
-    })
-}
-
 /// Ends and colours of eight segments for each camera, placed by `place` from world positions.
 fn camera_lines(views: &[View], distance: f64, place: impl Fn(DVec3) -> DVec3) -> (Vec<DVec3>, Vec<[u8; 3]>) {
     let mut ends = Vec::with_capacity(views.len() * 16);
@@ -147,20 +148,4 @@ fn camera_lines(views: &[View], distance: f64, place: impl Fn(DVec3) -> DVec3) -
         colours.extend([camera_colour(i, views.len()); 16]);
     }
     (ends, colours)
-}
-
-/// Ends of eight segments in camera axes (OpenCV): the centre to the picture's corner pixels at a distance, and their rectangle.
-pub(super) fn frustum(camera: Camera, (width, height): (u32, u32), distance: f64) -> [DVec3; 16] {
-    let (right, bottom) = (f64::from(width) - 1.0, f64::from(height) - 1.0);
-    let corners = [(0.0, 0.0), (right, 0.0), (right, bottom), (0.0, bottom)].map(|(u, v)| camera.ray(u, v) * distance);
-    std::array::from_fn(|i| match i % 4 {
-        0 => DVec3::ZERO,
-        3 => corners[(i / 4 + 1) % 4],
-        _ => corners[i / 4],
-    })
-}
-
-/// The colour of camera `i` of `count`.
-pub(super) fn camera_colour(i: usize, count: usize) -> [u8; 3] {
-    colour::hsv((i as f64 + 0.5) / count as f64, 0.85, 0.95)
 }

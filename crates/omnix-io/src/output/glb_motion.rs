@@ -21,34 +21,18 @@ use glam::{DMat3, DQuat, DVec3};
 use serde_json::json;
 
 use super::{
-    Export,
     atomic::AtomicFile,
     camera::Camera,
-    glb::{camera_colour, frustum, placement, rows},
+    glb_layout::{camera_colour, frustum, placement, rows},
     gltf::{LINES, MAX_BYTES, POINT_BYTES, POINTS, Scene, TARGET_BYTES, TO_GLTF},
     motion::MovingPoints,
+    options::{GlbMotionOptions, check_rate},
     voxel::midpoints,
 };
 use crate::IoError;
 
-/// Settings of `glb` with moving points.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GlbMotionOptions {
-    /// At most this many points.
-    pub max_points: usize,
-    /// At most this many key times, at least 2.
-    pub max_times: usize,
-    /// Draw and animate the cameras.
-    pub show_cameras: bool,
-    /// Name of the unit of length for the file's header.
-    pub unit: String,
-}
-
-impl Default for GlbMotionOptions {
-    fn default() -> Self {
-        Self { max_points: 200_000, max_times: 32, show_cameras: true, unit: "network scale (not metric)".into() }
-    }
-}
+/// Name of the export in errors.
+const EXPORT: &str = "glb";
 
 /// Writes the file `path`. Without an image there is nothing to write.
 ///
@@ -61,11 +45,11 @@ pub fn write_glb_motion(
     points: &MovingPoints,
     options: &GlbMotionOptions,
 ) -> Result<Option<PathBuf>, IoError> {
-    points.check(Export::Glb)?;
-    super::check_rate(fps)?;
+    points.check(EXPORT)?;
+    check_rate(fps)?;
     let mut cameras = Vec::with_capacity(points.views.len());
     for (index, view) in points.views.iter().enumerate() {
-        let missing = IoError::MissingField { export: Export::Glb.name(), missing: "an invertible camera", index };
+        let missing = IoError::MissingField { export: EXPORT, missing: "an invertible camera", index };
         cameras.push(Camera::new(view.extrinsics, view.intrinsics).ok_or(missing)?);
     }
     let Some(&first) = cameras.first() else { return Ok(None) };

@@ -18,14 +18,40 @@
 
 mod encode;
 mod meta;
+mod order;
 
 use std::path::{Path, PathBuf};
 
 use image::{codecs::jpeg::JpegEncoder, imageops};
 
-use super::{atomic::AtomicFile, motion::MovingPoints};
+pub use super::options::HtmlOptions;
+use super::{
+    atomic::AtomicFile,
+    format::{FileKind, Format, Points},
+    motion::MovingPoints,
+};
 use crate::{IoError, Picture};
 use encode::{Base64, PositionBox, confidence_code, unit_code};
+use order::Order;
+
+const NAME: &str = "scene.html";
+
+pub(super) const FORMAT: Format = Format {
+    name: "html",
+    needs_cameras: true,
+    needs_motion: true,
+    by_default: true,
+    files: &[FileKind::one(NAME, "a viewer of the moving points, complete in one file: open it in a browser")
+        .with(Points::Network)],
+    // Base64 of six bytes a point and time; the pictures; the viewer.
+    disk: |size| {
+        let points = size.paths(size.moving(), 8, 16);
+        points.saturating_add(size.images.saturating_mul(64_000)).saturating_add(1 << 20)
+    },
+    memory: |size| size.path_memory(5),
+    points: Some(|dir, points, options| Ok(vec![write_html(points, &options.html, &dir.join(NAME))?])),
+    ..Format::NONE
+};
 
 const TEMPLATE: &str = include_str!("html/template.html");
 const STYLE: &str = include_str!("html/style.css");
@@ -42,33 +68,6 @@ const VIEWER: [&str; 8] = [
     include_str!("html/panel.js"),
     include_str!("html/main.js"),
 ];
-
-/// What the page says, and how large its pictures are.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct HtmlOptions {
-    /// Title of the page, plain text.
-    pub title: String,
-    /// Paragraphs for the page's information, plain text.
-    pub notes: Vec<String>,
-    /// Name of the unit of length.
-    pub unit: String,
-    /// Width of the views' pictures in the page, in pixels; smaller ones are kept as they are.
-    pub thumbnail_width: u32,
-    /// JPEG quality of these pictures, 1 to 100.
-    pub jpeg_quality: u8,
-}
-
-impl Default for HtmlOptions {
-    fn default() -> Self {
-        Self {
-            title: "omnix".into(),
-            notes: Vec::new(),
-            unit: "network scale (not metric)".into(),
-            thumbnail_width: 320,
-            jpeg_quality: 80,
-        }
-    }
-}
 
 /// Writes the page; a file of that name is replaced when the new one is whole. Returns its path.
 ///
@@ -108,7 +107,7 @@ pub fn write_html(points: &MovingPoints, options: &HtmlOptions, path: &Path) -> 
 
 fn check(points: &MovingPoints) -> Result<(), IoError> {
     if points.views.is_empty() {
-        return Err(IoError::MissingField { export: "html", missing: "a view", index: 0 });
+        return Err(IoError::MissingField { export: FORMAT.name, missing: "a view", index: 0 });
     }
     let n = points.len();
     let lengths = [
@@ -121,47 +120,15 @@ fn check(points: &MovingPoints) -> Result<(), IoError> {
     ];
     for (what, found, expected) in lengths {
         if found != expected {
-            return Err(IoError::WrongSize { export: "html", what, index: 0, expected, found });
+            return Err(IoError::WrongSize { export: FORMAT.name, what, index: 0, expected, found });
         }
     }
     for &source in &points.source {
         if source as usize >= points.views.len() {
-            return Err(IoError::MissingField { export: "html", missing: "a view", index: source as usize });
+            return Err(IoError::MissingField { export: FORMAT.name, missing: "a view", index: source as usize });
         }
     }
     Ok(())
-}
-
-/// The points of the page, in its order.
-struct Order {
-    /// Indices of the points that are kept.
-    points: Vec<u32>,
-    /// How many of them, from the start, change place.
-    changing: usize,
-}
-
-impl Order {
-    fn of(points: &MovingPoints) -> Self {
-        let times = points.views.len();
-        let place = |time, point| points.position(time, point).map(f32::to_bits);
-        let (mut order, mut still) = (Vec::new(), Vec::new());
-        for point in 0..points.len() {
-            if (0..times).any(|time| points.position(time, point).iter().any(|v| !v.is_finite())) {
-                continue;
-            }
-            let first = place(0, point);
-            let changes = (1..times).any(|time| place(time, point) != first);
-            // A point's number is below 2^32: its source index alone takes four bytes of memory.
-            if changes { &mut order } else { &mut still }.push(point as u32);
-        }
-        let changing = order.len();
-        order.append(&mut still);
-        Self { points: order, changing }
-    }
-
-    fn all(&self) -> impl Iterator<Item = usize> + Clone + '_ {
-        self.points.iter().map(|&point| point as usize)
-    }
 }
 
 fn write_points(

@@ -6,10 +6,15 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::atomic;
+use super::export::Export;
+use super::format::Points;
 use crate::{InputPlan, IoError};
 
 /// Layout version of the manifest.
 pub const FORMAT: &str = "omnix-manifest-1";
+
+/// Name of the file.
+pub const MANIFEST: &str = "manifest.json";
 
 /// The weights of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -20,6 +25,30 @@ pub struct Weights {
     pub digest: String,
     /// What a reader should know of them (training data, licence, limits).
     pub note: Option<String>,
+}
+
+/// A size in pixels, with names: pairs of numbers are read in the wrong order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Size {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+}
+
+/// A path as text of a file or an event: what is not Unicode in it is replaced (U+FFFD), for JSON has no other text.
+#[must_use]
+pub fn path_text(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+/// A file that a run wrote.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WrittenFile {
+    /// Its path.
+    pub path: PathBuf,
+    /// Whether trajectories went into it.
+    pub moving: bool,
 }
 
 /// One image of the run.
@@ -38,11 +67,11 @@ pub struct ManifestFrame {
     /// Presentation time in seconds; null for pictures.
     pub time_s: Option<f64>,
     /// Picture or video file, as reached from the input as given.
-    pub source: PathBuf,
-    /// Size of the source picture in pixels, width and height.
-    pub source_size: [u32; 2],
-    /// Size of the exported maps in pixels, width and height.
-    pub size: [u32; 2],
+    pub source: String,
+    /// Size of the source picture.
+    pub source_size: Size,
+    /// Size of the exported maps.
+    pub size: Size,
     /// Whether its results were finished.
     pub done: bool,
 }
@@ -58,9 +87,9 @@ impl ManifestFrame {
             time: f.index,
             source_frame: f.source_frame,
             time_s: f.time_s,
-            source: f.path.clone(),
-            source_size: [f.width, f.height],
-            size: [size.0, size.1],
+            source: path_text(&f.path),
+            source_size: Size { width: f.width, height: f.height },
+            size: Size { width: size.0, height: size.1 },
             done: f.index < done,
         };
         plan.frames.iter().map(frame).collect()
@@ -90,8 +119,10 @@ pub struct Manifest {
     pub frames: Vec<ManifestFrame>,
     /// Remarks for the user.
     pub notes: Vec<String>,
-    /// Every file the sinks returned.
-    pub files: Vec<PathBuf>,
+    /// Every file that was written.
+    pub files: Vec<WrittenFile>,
+    /// What the network's own world points are made of, where trajectories start.
+    pub network_points: String,
     /// Whether the run was stopped before its last image.
     pub interrupted: bool,
 }
@@ -101,15 +132,22 @@ pub struct Manifest {
 /// # Errors
 /// A full disk or other failure of writing.
 pub fn write_manifest(dir: &Path, manifest: &Manifest) -> Result<PathBuf, IoError> {
-    let path = dir.join("manifest.json");
+    let path = dir.join(MANIFEST);
     let mut versions = manifest.versions.clone();
     versions.insert("omnix-io".into(), env!("CARGO_PKG_VERSION").into());
     let files: Vec<Value> = manifest
         .files
         .iter()
         .map(|file| {
-            let name = relative(dir, file);
-            json!({ "contains": contents(&name), "path": name })
+            let name = relative(dir, &file.path);
+            let kind = Export::kind_of(&name, file.moving);
+            let mut entry = json!({ "contains": kind.map_or("see the name", |k| k.contains), "path": name });
+            match kind.map(|k| k.points) {
+                None | Some(Points::None) => {}
+                Some(Points::DepthAndCamera) => entry["points_from"] = json!("depth and camera"),
+                Some(Points::Network) => entry["points_from"] = json!(manifest.network_points),
+            }
+            entry
         })
         .collect();
     let document = json!({
@@ -126,7 +164,9 @@ pub fn write_manifest(dir: &Path, manifest: &Manifest) -> Result<PathBuf, IoErro
             "intrinsics": "3x3 in pixels of the exported maps",
             "pixel_positions": "whole numbers: the centre of the top left pixel is (0, 0)",
             "depth": "along the camera's z axis, not along the ray",
+            "points_from": "files that hold points say which: \"depth and camera\" is each pixel's depth, unprojected with the exported camera; \"ray maps\" is the network's own points, origin + depth * direction of each pixel's ray, where trajectories start. A network that does not agree with itself puts the two in different places",
             "tum": "camera-to-world",
+            "sizes": "width and height in pixels",
             "times": "global index = order of processing = global time, of which there is one an image; (video, frame) counts inputs and chosen frames from 0; time_s in seconds",
         },
         "unit_of_length": manifest.unit,
@@ -145,41 +185,4 @@ pub fn write_manifest(dir: &Path, manifest: &Manifest) -> Result<PathBuf, IoErro
 fn relative(dir: &Path, file: &Path) -> String {
     let name = file.strip_prefix(dir).unwrap_or(file);
     name.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
-}
-
-/// What a file contains, by its name.
-fn contents(name: &str) -> &'static str {
-    match name {
-        "exports/npz/results.npz" => {
-            "image u8 [S,H,W,3], depth f32 [S,H,W] (6 decimals), conf f32 [S,H,W] (2 decimals), extrinsics f32 [S,3,4], intrinsics f32 [S,3,3]"
-        }
-        "exports/mini_npz/results.npz" => {
-            "depth f32 [S,H,W] (8 decimals), conf f32 [S,H,W] (2 decimals), extrinsics f32 [S,3,4], intrinsics f32 [S,3,3]"
-        }
-        "points.ply" => "points of all images in the world of the extrinsics: x y z, red green blue, confidence",
-        "scene.omx4d" => "moving points for web viewers: OMX4D version 1, axes x right, y up, z backward",
-        "scene.html" => "a viewer of the moving points, complete in one file: open it in a browser",
-        "field.safetensors" => {
-            "what paths of points are evaluated from (omnix query); layout in its documentation and header"
-        }
-        "scene.glb" => "points and cameras in glTF axes of the first image's camera, centred on the points' median",
-        "frame_times.csv" => "video, frame and presentation time of every image",
-        "depth/depth.json" => "scale and range of every depth picture: 16-bit value * scale = depth, 0 = no depth",
-        _ if name.starts_with("depth/") => {
-            "depth as 16-bit grey; scale in depth/depth.json and in the text chunk omnix:depth_scale"
-        }
-        _ if name.starts_with("depth_color/") => {
-            "inverse depth, 2nd to 98th percentile, Spectral: near red, far violet, no depth black"
-        }
-        _ if name.starts_with("exports/tracks/") => {
-            "trajectory f32 [T,N,3] (of all pixels [T,H,W,3]) in the world of the extrinsics, pixel i32 [N,2] column and row, confidence, theta, moving, rgb; times, cameras"
-        }
-        _ if name.starts_with("exports/st4rtrack/") => {
-            "f32: pts3d1 image 0's pixels at each time, pts3d2 each image's own, [H,W,6] x y z r g b; conf1, conf2 [H,W]"
-        }
-        _ if name.starts_with("masks/") => "8-bit grey: 255 where the pixel moves",
-        _ if name.starts_with("theta/") => "16-bit grey: motion score, 65535 = 1",
-        _ if name.ends_with(".tum") => "timestamp tx ty tz qx qy qz qw of every image, camera-to-world",
-        _ => "see the name",
-    }
 }

@@ -6,15 +6,29 @@ use std::path::{Path, PathBuf};
 use image::ExtendedColorType;
 
 use super::{
-    Export, atomic, depth,
+    atomic, depth,
+    format::{FileKind, Format, ImageWriter},
     motion::{MotionView, SourceMotion},
 };
 use crate::IoError;
 
+pub(super) const FORMAT: Format = Format {
+    name: "masks",
+    needs_cameras: true,
+    needs_motion: true,
+    files: &[
+        FileKind::of_images("masks/NNNNNN.png", "8-bit grey: 255 where the pixel moves"),
+        FileKind::of_images("theta/NNNNNN.png", "16-bit grey: motion score, 65535 = 1"),
+    ],
+    disk: |size| size.all().saturating_mul(3),
+    images: Some(ImageWriter { write, wants_trajectory: |_| false }),
+    ..Format::NONE
+};
+
 /// Writes both pictures of one image.
-pub(super) fn write(dir: &Path, views: &[MotionView], image: &SourceMotion<'_>) -> Result<[PathBuf; 2], IoError> {
-    image.check(views, Export::Masks)?;
-    image.need_all_pixels(views, Export::Masks)?;
+fn write(dir: &Path, views: &[MotionView], image: &SourceMotion<'_>) -> Result<Vec<PathBuf>, IoError> {
+    image.check(views, FORMAT.name)?;
+    image.need_all_pixels(views, FORMAT.name)?;
     let size = (views[image.index].picture.width, views[image.index].picture.height);
     let mask: Vec<u8> = image.moving.iter().map(|&m| if m { 255 } else { 0 }).collect();
     let theta: Vec<u16> = image.motion.iter().map(|&v| score16(v)).collect();
@@ -23,7 +37,7 @@ pub(super) fn write(dir: &Path, views: &[MotionView], image: &SourceMotion<'_>) 
         let png = depth::encode(&path, bytes, size, colour)?;
         atomic::write_file(path, &png)
     };
-    Ok([
+    Ok(vec![
         save("masks", &mask, ExtendedColorType::L8)?,
         save("theta", bytemuck::cast_slice(&theta), ExtendedColorType::L16)?,
     ])

@@ -6,7 +6,6 @@
 //! Two forms: [`MovingPoints`], chosen points of all images at once, and [`SourceMotion`], one source image at a time, for what
 //! needs all pixels and for outputs that would be too large in one piece.
 
-use super::Export;
 use crate::{IoError, Picture};
 
 /// When an image was taken.
@@ -78,7 +77,7 @@ impl MovingPoints {
     }
 
     /// Checks that every buffer has the length it should and every point lies in its picture.
-    pub(super) fn check(&self, export: Export) -> Result<(), IoError> {
+    pub(super) fn check(&self, export: &'static str) -> Result<(), IoError> {
         let n = self.len();
         let lengths = [
             ("pixels", self.pixel.len(), n),
@@ -90,11 +89,11 @@ impl MovingPoints {
         ];
         for (what, found, expected) in lengths {
             if found != expected {
-                return Err(IoError::WrongSize { export: export.name(), what, index: 0, expected, found });
+                return Err(IoError::WrongSize { export, what, index: 0, expected, found });
             }
         }
         check_views(&self.views, export)?;
-        let bad = |point, reason| Err(IoError::BadPoint { export: export.name(), point, reason });
+        let bad = |point, reason| Err(IoError::BadPoint { export, point, reason });
         for (i, (&source, &[x, y])) in self.source.iter().zip(&self.pixel).enumerate() {
             match self.views.get(source as usize) {
                 None => return bad(i, "its source image is not one of the images"),
@@ -110,13 +109,13 @@ impl MovingPoints {
 }
 
 /// Checks that all pictures have one size.
-pub(super) fn check_views(views: &[MotionView], export: Export) -> Result<(), IoError> {
+pub(super) fn check_views(views: &[MotionView], export: &'static str) -> Result<(), IoError> {
     let Some(first) = views.first().map(|v| &v.picture) else { return Ok(()) };
     let expected = first.data.len();
     for (index, MotionView { picture, .. }) in views.iter().enumerate() {
         if (picture.width, picture.height) != (first.width, first.height) || picture.data.len() != expected {
             let found = picture.data.len();
-            return Err(IoError::WrongSize { export: export.name(), what: "a picture", index, expected, found });
+            return Err(IoError::WrongSize { export, what: "a picture", index, expected, found });
         }
     }
     Ok(())
@@ -143,11 +142,11 @@ pub struct SourceMotion<'a> {
 
 impl SourceMotion<'_> {
     /// Checks the image's number and every length; `views` are all images.
-    pub(super) fn check(&self, views: &[MotionView], export: Export) -> Result<(), IoError> {
+    pub(super) fn check(&self, views: &[MotionView], export: &'static str) -> Result<(), IoError> {
         let Some(view) = views.get(self.index) else {
             let what = "a number";
             let (index, found) = (self.index, self.index + 1);
-            return Err(IoError::WrongSize { export: export.name(), what, index, expected: views.len(), found });
+            return Err(IoError::WrongSize { export, what, index, expected: views.len(), found });
         };
         let (width, height) = (view.picture.width, view.picture.height);
         let n = self.pixels.map_or(width as usize * height as usize, <[_]>::len);
@@ -160,30 +159,28 @@ impl SourceMotion<'_> {
         ];
         for (what, found, expected) in lengths {
             if found != expected {
-                return Err(IoError::WrongSize { export: export.name(), what, index: self.index, expected, found });
+                return Err(IoError::WrongSize { export, what, index: self.index, expected, found });
             }
         }
         match self.pixels.unwrap_or_default().iter().position(|&[x, y]| x >= width || y >= height) {
-            Some(point) => {
-                Err(IoError::BadPoint { export: export.name(), point, reason: "its pixel lies outside its picture" })
-            }
+            Some(point) => Err(IoError::BadPoint { export, point, reason: "its pixel lies outside its picture" }),
             None => Ok(()),
         }
     }
 
     /// The trajectory, or an error that names the export that needs it.
-    pub(super) fn need_trajectory(&self, export: Export) -> Result<&[f32], IoError> {
+    pub(super) fn need_trajectory(&self, export: &'static str) -> Result<&[f32], IoError> {
         let missing = "the paths of its points";
-        self.trajectory.ok_or(IoError::MissingField { export: export.name(), missing, index: self.index })
+        self.trajectory.ok_or(IoError::MissingField { export, missing, index: self.index })
     }
 
     /// An error unless the image comes with all its pixels.
-    pub(super) fn need_all_pixels(&self, views: &[MotionView], export: Export) -> Result<(), IoError> {
+    pub(super) fn need_all_pixels(&self, views: &[MotionView], export: &'static str) -> Result<(), IoError> {
         let pixels = views[self.index].picture.data.len() / 3;
         match self.pixels {
             None => Ok(()),
             Some(chosen) => Err(IoError::WrongSize {
-                export: export.name(),
+                export,
                 what: "points",
                 index: self.index,
                 expected: pixels,

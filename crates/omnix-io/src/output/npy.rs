@@ -1,7 +1,12 @@
 //! NPY files and NPZ archives of whole arrays. Format: NPY version 1.0, C order, little endian; archives as numpy's `savez` names
 //! them (`NAME.npy`), deflated, arrays above 64 MiB stored as they are, since packing floats takes longer than it saves.
 
-use std::{io::Write, path::PathBuf};
+use std::{
+    cell::RefCell,
+    io::{self, Read, Seek, SeekFrom, Write},
+    path::PathBuf,
+    rc::Rc,
+};
 
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
@@ -66,20 +71,139 @@ pub(super) fn write_npy(path: PathBuf, array: &Array) -> Result<PathBuf, IoError
 
 /// Writes the arrays as one NPZ archive.
 pub(super) fn write_npz(path: PathBuf, arrays: &[Array]) -> Result<PathBuf, IoError> {
-    let mut file = AtomicFile::create(path.clone())?;
-    let fail = |e: zip::result::ZipError| IoError::write(&path, e.into());
-    let mut zip = ZipWriter::new(file.writer());
+    let mut archive = Archive::create(path)?;
     for array in arrays {
-        let stored = array.bytes.len() > STORED_ABOVE;
-        let method = if stored { CompressionMethod::Stored } else { CompressionMethod::Deflated };
-        let options = SimpleFileOptions::default().compression_method(method).large_file(array.bytes.len() > 1 << 30);
-        zip.start_file(format!("{}.npy", array.name), options).map_err(fail)?;
-        for part in [&header(array.dtype, &array.shape), &array.bytes] {
-            zip.write_all(part).map_err(|e| IoError::write(&path, e))?;
+        let pack = if array.bytes.len() > STORED_ABOVE { Pack::Stored } else { Pack::Deflated };
+        let large = array.bytes.len() > 1 << 30;
+        archive.add(array.name, &header(array.dtype, &array.shape), &mut array.bytes.as_slice(), pack, large)?;
+    }
+    archive.finish()
+}
+
+/// How an array lies in an archive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pack {
+    Stored,
+    Deflated,
+}
+
+/// An NPZ archive in the making.
+pub(super) struct Archive {
+    zip: ZipWriter<Remembering>,
+    path: PathBuf,
+    failed: Rc<RefCell<Option<io::Error>>>,
+}
+
+impl Archive {
+    /// Starts the file.
+    pub(super) fn create(path: PathBuf) -> Result<Self, IoError> {
+        let failed = Rc::new(RefCell::new(None));
+        let out = Remembering {
+            file: AtomicFile::create(path.clone())?,
+            at: 0,
+            end: 0,
+            lost: false,
+            failed: Rc::clone(&failed),
+        };
+        Ok(Self { zip: ZipWriter::new(out), path, failed })
+    }
+
+    /// Adds an array of these bytes; `large` if they may be more than 4 GiB.
+    pub(super) fn add(
+        &mut self,
+        name: &str,
+        header: &[u8],
+        body: &mut dyn Read,
+        pack: Pack,
+        large: bool,
+    ) -> Result<(), IoError> {
+        let method = match pack {
+            Pack::Stored => CompressionMethod::Stored,
+            Pack::Deflated => CompressionMethod::Deflated,
+        };
+        let options = SimpleFileOptions::default().compression_method(method).large_file(large);
+        let started = self.zip.start_file(format!("{name}.npy"), options).map_err(io::Error::from);
+        let written = started.and_then(|()| self.zip.write_all(header)).and_then(|()| io::copy(body, &mut self.zip));
+        self.check(written.map(|_| ()))
+    }
+
+    /// Completes the archive and gives it its name.
+    pub(super) fn finish(self) -> Result<PathBuf, IoError> {
+        let Self { zip, path, failed } = self;
+        let written = zip.finish().map_err(|e| IoError::write(&path, e.into()));
+        match failed.take() {
+            Some(error) => Err(IoError::write(path, error)),
+            None => written?.file.commit(),
         }
     }
-    zip.finish().map_err(fail)?;
-    file.commit()
+
+    fn check(&self, outcome: io::Result<()>) -> Result<(), IoError> {
+        match self.failed.take() {
+            Some(error) => Err(IoError::write(&self.path, error)),
+            None => outcome.map_err(|error| IoError::write(&self.path, error)),
+        }
+    }
+}
+
+/// A file that takes everything after its first failure and keeps nothing: an archive that is given up in the middle still writes its
+/// end, and would complain on standard error that it cannot. The failure is remembered for who can report it.
+struct Remembering {
+    file: AtomicFile,
+    /// Where the next byte goes, and where the file ends, as the archive sees it.
+    at: u64,
+    end: u64,
+    lost: bool,
+    failed: Rc<RefCell<Option<io::Error>>>,
+}
+
+impl Remembering {
+    fn fail(&mut self, error: io::Error) {
+        self.lost = true;
+        self.failed.borrow_mut().get_or_insert(error);
+    }
+}
+
+impl Write for Remembering {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut taken = bytes.len();
+        if !self.lost {
+            match self.file.writer().write(bytes) {
+                Ok(count) => taken = count,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => return Err(error),
+                Err(error) => self.fail(error),
+            }
+        }
+        self.at += taken as u64;
+        self.end = self.end.max(self.at);
+        Ok(taken)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if !self.lost
+            && let Err(error) = self.file.writer().flush()
+        {
+            self.fail(error);
+        }
+        Ok(())
+    }
+}
+
+impl Seek for Remembering {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let target = match to {
+            SeekFrom::Start(at) => Some(at),
+            SeekFrom::Current(by) => self.at.checked_add_signed(by),
+            SeekFrom::End(by) => self.end.checked_add_signed(by),
+        };
+        let target = target.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
+        if !self.lost
+            && let Err(error) = self.file.writer().seek(SeekFrom::Start(target))
+        {
+            self.fail(error);
+        }
+        self.at = target;
+        Ok(target)
+    }
 }
 
 #[cfg(test)]

@@ -7,22 +7,46 @@
 //! Format of an array: NPY version 1.0, C order, little endian.
 
 use std::{
-    io::{self, Read, Write},
+    io::Read,
     path::{Path, PathBuf},
 };
 
-use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
-
 use super::{
-    Export, FrameResult, RunSummary, Sink,
-    atomic::{AtomicFile, Spool},
+    atomic::Spool,
+    format::{FileKind, Format},
+    frame::{FrameResult, RunSummary, Sink},
     npy,
 };
 use crate::IoError;
 
+/// `npz`.
+pub(super) const FULL: Format = Format {
+    name: "npz",
+    by_default: true,
+    files: &[FileKind::one(
+        "exports/npz/results.npz",
+        "image u8 [S,H,W,3], depth f32 [S,H,W] (6 decimals), conf f32 [S,H,W] (2 decimals), extrinsics f32 [S,3,4], intrinsics f32 [S,3,3]",
+    )],
+    disk: |size| size.all().saturating_mul(11),
+    frames: Some(|dir, _| Ok(Box::new(NpzSink::new(dir, Layout::Full)))),
+    ..Format::NONE
+};
+
+/// `mini_npz`.
+pub(super) const MINI: Format = Format {
+    name: "mini_npz",
+    files: &[FileKind::one(
+        "exports/mini_npz/results.npz",
+        "depth f32 [S,H,W] (8 decimals), conf f32 [S,H,W] (2 decimals), extrinsics f32 [S,3,4], intrinsics f32 [S,3,3]",
+    )],
+    disk: |size| size.all().saturating_mul(8),
+    frames: Some(|dir, _| Ok(Box::new(NpzSink::new(dir, Layout::Mini)))),
+    ..Format::NONE
+};
+
 /// Which of the two archives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Layout {
+enum Layout {
     Full,
     Mini,
 }
@@ -37,7 +61,7 @@ struct Column {
     spool: Spool,
 }
 
-pub(super) struct NpzSink {
+struct NpzSink {
     dir: PathBuf,
     path: PathBuf,
     layout: Layout,
@@ -46,12 +70,9 @@ pub(super) struct NpzSink {
 }
 
 impl NpzSink {
-    pub(super) fn new(dir: &Path, layout: Layout) -> Self {
-        let name = match layout {
-            Layout::Full => "exports/npz/results.npz",
-            Layout::Mini => "exports/mini_npz/results.npz",
-        };
-        Self { dir: dir.to_owned(), path: dir.join(name), layout, images: 0, columns: Vec::new() }
+    fn new(dir: &Path, layout: Layout) -> Self {
+        let path = dir.join(layout.format().files[0].name);
+        Self { dir: dir.to_owned(), path, layout, images: 0, columns: Vec::new() }
     }
 
     /// Appends one image's part; the first image decides which arrays exist and their shape.
@@ -68,7 +89,7 @@ impl NpzSink {
             });
         }
         let wrong = |expected: &[usize]| IoError::WrongSize {
-            export: self.layout.export().name(),
+            export: self.layout.format().name,
             what: part.name,
             index: frame.index,
             expected: expected.iter().product(),
@@ -91,21 +112,17 @@ struct Part<'a> {
 }
 
 impl Layout {
-    fn export(self) -> Export {
+    fn format(self) -> &'static Format {
         match self {
-            Self::Full => Export::Npz,
-            Self::Mini => Export::MiniNpz,
+            Self::Full => &FULL,
+            Self::Mini => &MINI,
         }
     }
 }
 
 impl Sink for NpzSink {
-    fn export(&self) -> Export {
-        self.layout.export()
-    }
-
     fn frame(&mut self, frame: &FrameResult<'_>) -> Result<(), IoError> {
-        let export = self.layout.export();
+        let export = self.layout.format().name;
         frame.check(export)?;
         let (w, h) = (frame.width as usize, frame.height as usize);
         let decimals = if self.layout == Layout::Full { 1e6 } else { 1e8 };
@@ -123,7 +140,7 @@ impl Sink for NpzSink {
         parts.extend(extrinsics.as_deref().map(|bytes| f32s("extrinsics", vec![3, 4], bytes)));
         parts.extend(intrinsics.as_deref().map(|bytes| f32s("intrinsics", vec![3, 3], bytes)));
         if let Some(column) = self.columns.iter().find(|c| parts.iter().all(|p| p.name != c.name)) {
-            return Err(IoError::MissingField { export: export.name(), missing: column.name, index: frame.index });
+            return Err(IoError::MissingField { export, missing: column.name, index: frame.index });
         }
         for part in parts {
             self.append(frame, part)?;
@@ -136,24 +153,17 @@ impl Sink for NpzSink {
         if self.images == 0 {
             return Ok(Vec::new());
         }
-        let mut file = AtomicFile::create(self.path.clone())?;
-        let fail = |e: zip::result::ZipError| IoError::write(&self.path, e.into());
-        let mut zip = ZipWriter::new(file.writer());
+        let mut archive = npy::Archive::create(self.path)?;
         for column in self.columns {
             let large = column.spool.len() > 1 << 30;
-            let method = if large { CompressionMethod::Stored } else { CompressionMethod::Deflated };
-            let options = SimpleFileOptions::default().compression_method(method).large_file(large);
-            zip.start_file(format!("{}.npy", column.name), options).map_err(fail)?;
+            let pack = if large { npy::Pack::Stored } else { npy::Pack::Deflated };
             let shape: Vec<usize> = [self.images].into_iter().chain(column.shape).collect();
-            let header = npy::header(column.dtype, &shape);
-            zip.write_all(&header).map_err(|e| IoError::write(&self.path, e))?;
             // A write that failed in the middle of an image may have left more than the finished images.
             let whole = self.images as u64 * column.image_bytes;
             let mut body = column.spool.into_reader()?.take(whole);
-            io::copy(&mut body, &mut zip).map_err(|e| IoError::write(&self.path, e))?;
+            archive.add(column.name, &npy::header(column.dtype, &shape), &mut body, pack, large)?;
         }
-        zip.finish().map_err(fail)?;
-        Ok(vec![file.commit()?])
+        Ok(vec![archive.finish()?])
     }
 }
 

@@ -20,30 +20,34 @@ use std::{
 use sha2::{Digest, Sha256};
 
 use super::{
-    Export,
     atomic::AtomicFile,
     camera::Camera,
     colour,
+    format::{FileKind, Format, Points},
     motion::MovingPoints,
-    voxel::{VoxelChoice, VoxelOptions, choose_voxel},
+    options::{Omx4dOptions, VoxelOptions, check_rate},
+    voxel::{VoxelChoice, choose_voxel},
 };
 use crate::IoError;
 
+const NAME: &str = "scene.omx4d";
+
+pub(super) const FORMAT: Format = Format {
+    name: "omx4d",
+    needs_cameras: true,
+    needs_motion: true,
+    files: &[FileKind::one(NAME, "moving points for web viewers: OMX4D version 1, axes x right, y up, z backward")
+        .with(Points::Network)],
+    disk: |size| size.paths(size.moving().min(100_000), 12, 9),
+    memory: |size| size.path_memory(9),
+    points: Some(|dir, points, options| {
+        Ok(vec![write_omx4d(&dir.join(NAME), &options.name, options.fps, points, &options.omx4d)?])
+    }),
+    ..Format::NONE
+};
+
 const MAGIC: &[u8; 8] = b"OMX4D\r\n\x1a";
 const VERSION: u32 = 1;
-
-/// Settings of `omx4d`.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Omx4dOptions {
-    /// Which of the offered points are written.
-    pub voxel: VoxelOptions,
-    /// Only points of the first so many images are written; none for all. (Copies of an image that fill up a batch are left out so.)
-    pub candidate_views: Option<usize>,
-    /// Colour by source image and motion instead of the pictures.
-    pub palette: bool,
-    /// Camera-to-world matrices of the images as the network gave them; without them the extrinsics are inverted.
-    pub camera_to_world: Option<Vec<[[f32; 4]; 3]>>,
-}
 
 /// A section of the file.
 struct Section {
@@ -64,13 +68,13 @@ pub fn write_omx4d(
     points: &MovingPoints,
     options: &Omx4dOptions,
 ) -> Result<PathBuf, IoError> {
-    points.check(Export::Omx4d)?;
-    super::check_rate(fps)?;
+    points.check(FORMAT.name)?;
+    check_rate(fps)?;
     let views = points.views.len();
     let candidates = options.candidate_views.map_or(views, |v| v.min(views));
     let (order, choice) = choose(points, candidates, &options.voxel);
     if choice.chosen.is_empty() {
-        return Err(IoError::NoPoints { export: Export::Omx4d.name() });
+        return Err(IoError::NoPoints { export: FORMAT.name });
     }
     let chosen: Vec<usize> = choice.chosen.iter().map(|&i| order[i]).collect();
     let mut hash = Sha256::new();
@@ -168,7 +172,7 @@ fn sections(
     for &i in chosen {
         let reason = "the format counts images in 16 bits";
         let source = u16::try_from(points.source[i]).map_err(|_too_large| IoError::BadPoint {
-            export: Export::Omx4d.name(),
+            export: FORMAT.name,
             point: i,
             reason,
         })?;
@@ -194,7 +198,7 @@ fn poses(points: &MovingPoints, options: &Omx4dOptions) -> Result<Vec<f32>, IoEr
     let mut poses = Vec::with_capacity(16 * points.views.len());
     for (index, view) in points.views.iter().enumerate() {
         let given = options.camera_to_world.as_ref().and_then(|all| all.get(index)).copied();
-        let missing = IoError::MissingField { export: Export::Omx4d.name(), missing: "an invertible camera", index };
+        let missing = IoError::MissingField { export: FORMAT.name, missing: "an invertible camera", index };
         let pose = match given {
             Some(pose) => pose,
             None => {

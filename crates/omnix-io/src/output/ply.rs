@@ -10,16 +10,31 @@ use std::{
 };
 
 use super::{
-    Export, FrameResult, RunSummary, Sink, SinkOptions,
     atomic::{AtomicFile, Spool},
     camera::{Camera, Point, for_each_point},
+    format::{FileKind, Format, Points},
+    frame::{FrameResult, RunSummary, Sink},
+    options::SinkOptions,
     sample::{ConfidenceSample, percentile},
 };
 use crate::IoError;
 
+pub(super) const FORMAT: Format = Format {
+    name: "ply",
+    needs_cameras: true,
+    files: &[FileKind::one(
+        "points.ply",
+        "points of all images in the world of the extrinsics: x y z, red green blue, confidence",
+    )
+    .with(Points::DepthAndCamera)],
+    disk: |size| size.still(size.all()).saturating_mul(VERTEX_BYTES as u64),
+    frames: Some(|dir, options| Ok(Box::new(PlySink::new(dir, options)?))),
+    ..Format::NONE
+};
+
 const VERTEX_BYTES: usize = 19;
 
-pub(super) struct PlySink {
+struct PlySink {
     path: PathBuf,
     options: SinkOptions,
     points: Spool,
@@ -28,7 +43,7 @@ pub(super) struct PlySink {
 }
 
 impl PlySink {
-    pub(super) fn new(dir: &Path, options: &SinkOptions) -> Result<Self, IoError> {
+    fn new(dir: &Path, options: &SinkOptions) -> Result<Self, IoError> {
         let path = dir.join("points.ply");
         let points = Spool::new(dir, path.clone())?;
         Ok(Self { path, options: options.clone(), points, confidences: ConfidenceSample::new(options.seed), images: 0 })
@@ -36,13 +51,9 @@ impl PlySink {
 }
 
 impl Sink for PlySink {
-    fn export(&self) -> Export {
-        Export::Ply
-    }
-
     fn frame(&mut self, frame: &FrameResult<'_>) -> Result<(), IoError> {
-        frame.check(Export::Ply)?;
-        let camera = Camera::of(frame, Export::Ply)?;
+        frame.check(FORMAT.name)?;
+        let camera = Camera::of(frame, FORMAT.name)?;
         if self.options.ply_confidence_percentile.is_some() {
             self.confidences.add(frame);
         }

@@ -1,6 +1,6 @@
 //! Bounded, seeded samples of endless streams, and percentiles.
 
-use crate::output::FrameResult;
+use super::frame::FrameResult;
 
 /// A uniform sample without replacement of a stream of unknown length: every item's key is a bijective hash of its position, and
 /// the lowest keys stay. The result depends on the seed and the stream alone.

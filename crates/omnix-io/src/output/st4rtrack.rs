@@ -14,21 +14,48 @@
 use std::path::{Path, PathBuf};
 
 use super::{
-    Export,
+    format::{Each, FileKind, Format, ImageWriter, Points},
     motion::{MotionView, SourceMotion},
     npy::{Array, write_npy},
 };
 use crate::IoError;
 
+pub(super) const FORMAT: Format = Format {
+    name: "st4rtrack",
+    needs_cameras: true,
+    needs_motion: true,
+    files: &[
+        kind(
+            "exports/st4rtrack/pts3d1_p{n}.npy",
+            "f32 [H,W,6], x y z r g b: image 0's pixels at time n",
+            Points::Network,
+        ),
+        kind("exports/st4rtrack/conf1_p{n}.npy", "f32 [H,W]: confidence of pts3d1", Points::None),
+        kind(
+            "exports/st4rtrack/pts3d2_p{n}.npy",
+            "f32 [H,W,6], x y z r g b: image n's pixels at its own time",
+            Points::Network,
+        ),
+        kind("exports/st4rtrack/conf2_p{n}.npy", "f32 [H,W]: confidence of pts3d2", Points::None),
+    ],
+    disk: |size| size.all().saturating_mul(2 * 28),
+    images: Some(ImageWriter { write, wants_trajectory: |image| image == 0 }),
+    ..Format::NONE
+};
+
+const fn kind(name: &'static str, contains: &'static str, points: Points) -> FileKind {
+    FileKind { name, each: Each::Image, contains, points }
+}
+
 /// Writes image i's reconstruction, and of image 0 its pixels at all times.
-pub(super) fn write(dir: &Path, views: &[MotionView], image: &SourceMotion<'_>) -> Result<Vec<PathBuf>, IoError> {
-    image.check(views, Export::St4rtrack)?;
-    image.need_all_pixels(views, Export::St4rtrack)?;
+fn write(dir: &Path, views: &[MotionView], image: &SourceMotion<'_>) -> Result<Vec<PathBuf>, IoError> {
+    image.check(views, FORMAT.name)?;
+    image.need_all_pixels(views, FORMAT.name)?;
     let folder = dir.join("exports/st4rtrack");
     let view = &views[image.index];
     let mut written = pair(&folder, 2, image.index, view, image.points, image.confidence)?.to_vec();
     if image.index == 0 {
-        let trajectory = image.need_trajectory(Export::St4rtrack)?;
+        let trajectory = image.need_trajectory(FORMAT.name)?;
         for (time, points) in trajectory.chunks_exact(image.points.len()).enumerate() {
             written.extend(pair(&folder, 1, time, view, points, image.confidence)?);
         }

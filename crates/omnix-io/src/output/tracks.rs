@@ -12,16 +12,38 @@
 use std::path::{Path, PathBuf};
 
 use super::{
-    Export,
+    format::{FileKind, Format, ImageWriter, Points},
     motion::{MotionView, MovingPoints, SourceMotion},
     npy::{Array, write_npz},
 };
 use crate::IoError;
 
+pub(super) const FORMAT: Format = Format {
+    name: "tracks",
+    needs_cameras: true,
+    needs_motion: true,
+    files: &[FileKind::of_images(
+        "exports/tracks/NNNNNN.npz",
+        "trajectory f32 [T,N,3] (of all pixels [T,H,W,3]) in the world of the extrinsics, pixel i32 [N,2] column and row, confidence, theta, moving, rgb; times, cameras",
+    )
+    .with(Points::Network)],
+    disk: |size| {
+        let (count, more) = if size.all_pixels { (size.all(), 12) } else { (size.moving(), 20) };
+        size.paths(count, 12, more)
+    },
+    memory: |size| size.path_memory(5),
+    points: Some(|dir, points, _| write_points(dir, points)),
+    images: Some(ImageWriter {
+        write: |dir, views, image| Ok(vec![write(dir, views, image)?]),
+        wants_trajectory: |_| true,
+    }),
+    ..Format::NONE
+};
+
 /// Writes the archive of one source image.
-pub(super) fn write(dir: &Path, views: &[MotionView], image: &SourceMotion<'_>) -> Result<PathBuf, IoError> {
-    image.check(views, Export::Tracks)?;
-    let trajectory = image.need_trajectory(Export::Tracks)?;
+fn write(dir: &Path, views: &[MotionView], image: &SourceMotion<'_>) -> Result<PathBuf, IoError> {
+    image.check(views, FORMAT.name)?;
+    let trajectory = image.need_trajectory(FORMAT.name)?;
     let picture = &views[image.index].picture;
     let (w, h, times) = (picture.width as usize, picture.height as usize, views.len());
     let points = image.pixels.map_or(vec![h, w], |p| vec![p.len()]);
@@ -52,7 +74,8 @@ pub(super) fn write(dir: &Path, views: &[MotionView], image: &SourceMotion<'_>) 
 }
 
 /// Writes the archives of all source images that have a point.
-pub(super) fn write_points(dir: &Path, points: &MovingPoints) -> Result<Vec<PathBuf>, IoError> {
+fn write_points(dir: &Path, points: &MovingPoints) -> Result<Vec<PathBuf>, IoError> {
+    points.check(FORMAT.name)?;
     let mut written = Vec::new();
     let mut start = 0;
     for part in points.source.chunk_by(|a, b| a == b) {

@@ -10,11 +10,31 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{Export, FrameResult, RunSummary, Sink, atomic, camera::Camera};
+use super::{
+    atomic,
+    camera::Camera,
+    format::{Each, FileKind, Format, Points},
+    frame::{FrameResult, RunSummary, Sink},
+};
 use crate::IoError;
 
+const CONTAINS: &str = "timestamp tx ty tz qx qy qz qw of every image, camera-to-world";
+
+pub(super) const FORMAT: Format = Format {
+    name: "tum",
+    needs_cameras: true,
+    files: &[
+        FileKind { name: "trajectory.tum", each: Each::OnlyVideo, contains: CONTAINS, points: Points::None },
+        FileKind { name: "trajectory_{n}.tum", each: Each::Video, contains: CONTAINS, points: Points::None },
+        FileKind::one("frame_times.csv", "video, frame and presentation time of every image"),
+    ],
+    disk: |size| size.images.saturating_mul(200),
+    frames: Some(|dir, _| Ok(Box::new(TumSink::new(dir)))),
+    ..Format::NONE
+};
+
 /// Keeps about 200 bytes an image.
-pub(super) struct TumSink {
+struct TumSink {
     dir: PathBuf,
     videos: BTreeMap<u32, Video>,
     times: String,
@@ -27,18 +47,14 @@ struct Video {
 }
 
 impl TumSink {
-    pub(super) fn new(dir: &Path) -> Self {
+    fn new(dir: &Path) -> Self {
         Self { dir: dir.to_owned(), videos: BTreeMap::new(), times: "index,video,frame,time_s\n".into() }
     }
 }
 
 impl Sink for TumSink {
-    fn export(&self) -> Export {
-        Export::Tum
-    }
-
     fn frame(&mut self, frame: &FrameResult<'_>) -> Result<(), IoError> {
-        let (t, q) = Camera::of(frame, Export::Tum)?.pose();
+        let (t, q) = Camera::of(frame, FORMAT.name)?.pose();
         let video = self.videos.entry(frame.video).or_default();
         let stamp = frame.time_s.unwrap_or_else(|| {
             video.untimed = true;

@@ -8,22 +8,7 @@
 //!
 //! `n` is the budget, or the number of valid points if that is lower.
 
-/// How many points, and how they are shared out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct VoxelOptions {
-    /// Number of points wanted.
-    pub budget: usize,
-    /// Share of them for the highest scores, 0 to 1.
-    pub reserve: f64,
-    /// Lowest score for that share.
-    pub threshold: f64,
-}
-
-impl Default for VoxelOptions {
-    fn default() -> Self {
-        Self { budget: 100_000, reserve: 0.8, threshold: 0.0 }
-    }
-}
+use super::options::VoxelOptions;
 
 /// The chosen points.
 #[derive(Clone, Debug, Default, PartialEq)]

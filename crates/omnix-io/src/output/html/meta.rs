@@ -4,7 +4,8 @@ use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
 use super::super::motion::{MotionView, MovingPoints};
-use super::{HtmlOptions, Order, encode, encode::PositionBox};
+use super::super::options::HtmlOptions;
+use super::{encode, encode::PositionBox, order::Order};
 
 /// `omnix-meta` as text for its script element.
 pub(super) fn meta(

@@ -1,0 +1,17 @@
+//! `field`: `field.safetensors`, what paths of points are evaluated from, whole. The library writes it from its field; this is
+//! what it leaves and takes.
+
+use super::format::{FileKind, Format, Points};
+
+pub(super) const FORMAT: Format = Format {
+    name: "field",
+    needs_cameras: true,
+    needs_motion: true,
+    files: &[FileKind::one(
+        "field.safetensors",
+        "what paths of points are evaluated from (omnix query); layout in its documentation and header",
+    )
+    .with(Points::Network)],
+    disk: |size| size.field_bytes,
+    ..Format::NONE
+};
