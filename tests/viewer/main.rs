@@ -130,6 +130,42 @@ fn draws_every_colouring_and_the_view_of_a_camera() {
 }
 
 #[test]
+fn a_picked_point_shows_its_path_and_its_pixel() {
+    let points = scene::moving(3000, 6);
+    let (_dir, path) = written(&points);
+    let mut page = Page::open(&path, "t=2&moving=1&cameras=0", WINDOW);
+    let before = page.picture();
+    assert_eq!(page.value("omnixViewer.picked()"), serde_json::Value::Null);
+    // Somewhere on the stage a ball is in sight.
+    let found = page.value(
+        "(() => { for (let y = 0; y < 600; y += 6) for (let x = 0; x < 980; x += 6) if (omnixViewer.pick(x, y) >= 0) return true; return false; })()",
+    );
+    assert_eq!(found, true, "no point can be picked");
+    let picked = page.value("omnixViewer.picked()");
+    let (source, pixel) = (picked["source"].as_u64().unwrap() as u32, &picked["pixel"]);
+    let pixel = [0, 1].map(|axis| pixel[axis].as_u64().unwrap() as u32);
+    let known = (0..points.len()).find(|&i| points.source[i] == source && points.pixel[i] == pixel);
+    let known = known.unwrap_or_else(|| panic!("no point has {picked}"));
+    assert!(points.moving[known], "only moving points are in sight");
+    assert_eq!(picked["path"].as_array().unwrap().len(), 6);
+    for (time, place) in picked["path"].as_array().unwrap().iter().enumerate() {
+        let shown: Vec<f32> = place.as_str().unwrap().split(' ').map(|v| v.parse().unwrap()).collect();
+        let truth = points.position(time, known);
+        assert!(shown.iter().zip(truth).all(|(a, b)| (a - b).abs() < 5e-3), "time {time}: {shown:?} and {truth:?}");
+    }
+    let card = page.value("document.getElementById('picked').innerText");
+    let words = format!("{}, {}", pixel[0], pixel[1]);
+    assert!(card.as_str().unwrap().contains(&words), "{card} lacks {words}");
+    assert!(before.difference(&page.picture()) > 0.01, "neither card nor path is drawn");
+    page.value("window.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' }))");
+    assert_eq!(page.value("document.getElementById('picked').hidden"), true);
+    // The picture beside the points goes and comes with a key.
+    page.value("window.dispatchEvent(new KeyboardEvent('keydown', { key: 'i' }))");
+    assert_eq!(page.value("document.getElementById('picture').hidden"), true);
+    assert_clean(&mut page);
+}
+
+#[test]
 fn opens_what_has_next_to_nothing_in_it() {
     for points in [scene::moving(0, 3), scene::moving(500, 1)] {
         let (_dir, path) = written(&points);

@@ -9,6 +9,7 @@
 //! | `omnix-meta`       | JSON: title, notes, counts, box of positions, views with their cameras and times    |
 //! | `omnix-look`       | u8 × 4 a point: red, green, blue, 255 where the gate let it move                     |
 //! | `omnix-scalars`    | u16 × 4 a point: source view, θ × 65535, confidence on a logarithmic scale, 0        |
+//! | `omnix-pixels`     | u16 × 2 a point: column and row in its source view                                  |
 //! | `omnix-path-T`     | u16 × 3 a point that changes place, at time T, in the box of positions              |
 //! | `omnix-still`      | u16 × 3 a point that is in one place at all times                                   |
 //! | `omnix-picture-V`  | the picture of view V, reduced, JPEG                                               |
@@ -45,7 +46,7 @@ pub(super) const FORMAT: Format = Format {
         .with(Points::Network)],
     // Base64 of six bytes a point and time; the pictures; the viewer.
     disk: |size| {
-        let points = size.paths(size.moving(), 8, 16);
+        let points = size.paths(size.moving(), 8, 24);
         points.saturating_add(size.images.saturating_mul(64_000)).saturating_add(1 << 20)
     },
     memory: |size| size.path_memory(5),
@@ -58,7 +59,7 @@ const STYLE: &str = include_str!("html/style.css");
 const THREE: &str = include_str!("../../assets/three/three.min.js");
 const THREE_LICENCE: &str = include_str!("../../assets/three/LICENSE");
 /// Classic scripts, in this order, that share one function's scope.
-const VIEWER: [&str; 8] = [
+const VIEWER: [&str; 9] = [
     include_str!("html/data.js"),
     include_str!("html/shaders.js"),
     include_str!("html/points.js"),
@@ -66,6 +67,7 @@ const VIEWER: [&str; 8] = [
     include_str!("html/cameras.js"),
     include_str!("html/stage.js"),
     include_str!("html/panel.js"),
+    include_str!("html/inspect.js"),
     include_str!("html/main.js"),
 ];
 
@@ -150,6 +152,12 @@ fn write_points(
             let scalars =
                 [source, unit_code(points.motion[point]), confidence_code(points.confidence[point], confidence), 0];
             scalars.into_iter().try_for_each(|value| out.put(&value.to_le_bytes()))
+        })
+    })?;
+    section(file, "omnix-pixels", |out| {
+        order.all().try_for_each(|point| {
+            let pixel = points.pixel[point].map(|v| u16::try_from(v).unwrap_or(u16::MAX));
+            pixel.into_iter().try_for_each(|value| out.put(&value.to_le_bytes()))
         })
     })?;
     let (changing, still) = order.points.split_at(order.changing);

@@ -42,6 +42,7 @@ const Data = (() => {
     data.extent = meta.box.high.map((high, axis) => high - meta.box.low[axis]);
     data.look = bytes(take('omnix-look'));
     data.scalars = words('omnix-scalars');
+    data.pixels = words('omnix-pixels');
     data.paths = [];
     for (let time = 0; time < times; time++) {
       data.paths.push(padded(words(`omnix-path-${time}`)));

@@ -36,9 +36,9 @@ function start(data) {
   const pick = (name, allowed, otherwise) => (allowed.includes(options.get(name)) ? options.get(name) : otherwise);
   const settings = {
     colouring: pick('colour', Shaders.COLOURINGS, 'image'), movingOnly: options.get('moving') === '1', hide: 0, only: 'all', size: 1,
-    trails: options.get('trails') !== '0', trailPoints: Math.min(400, trails.available), reach: Math.max(1, Math.min(6, last, Math.max(3, Math.round(last / 4)))), trailsByTime: true,
+    trails: options.get('trails') !== '0', trailPoints: Math.min(400, trails.available), reach: Math.max(1, Math.min(12, last, Math.max(4, Math.round(last / 2)))), trailsByTime: true,
     cameras: options.get('cameras') !== '0', pictures: pick('pictures', ['off', 'current', 'all'], 'current'), cameraSize: 1, follow: false,
-    speed: 6, loop: true, run: -1, theme: pick('theme', ['dark', 'light'], 'dark'),
+    beside: options.get('beside') !== '0', speed: 6, loop: true, run: -1, theme: pick('theme', ['dark', 'light'], 'dark'),
   };
   let time = 0;
   let playing = false;
@@ -54,18 +54,22 @@ function start(data) {
     shared.only.value = settings.only === 'current' ? held() : -1;
     cloud.setSize(viewport.pixels, settings.size, viewport.ratio);
     trails.set({ shown: settings.trails, points: settings.trailPoints, reach: settings.reach, byTime: settings.trailsByTime });
-    trails.setViewport(viewport.width, viewport.height, viewport.ratio);
+    for (const strips of [trails, inspect]) strips.setViewport(viewport.width, viewport.height, viewport.ratio);
+    byId('picture').hidden = !settings.beside;
     cameras.set({ shown: settings.cameras, pictures: settings.pictures, scale: data.frame.radius * 0.11 * settings.cameraSize, current: held(), inside: stage.inside() });
     stage.redraw();
   }
 
   const bar = buildBar();
+  const inspect = Inspect.create(data, shared, stage, bar.images, { stage: byId('stage'), picture: byId('picture'), picked: byId('picked') });
+  stage.scene.add(inspect.mesh);
   const panel = buildPanel();
   function set(change) {
     Object.assign(settings, change);
     panel.colouring.set(settings.colouring);
     panel.movingOnly.set(settings.movingOnly);
     panel.trails.set(settings.trails);
+    panel.beside.set(settings.beside);
     panel.cameras.set(settings.cameras);
     panel.follow.set(settings.follow);
     Panel.legend(byId('legend'), data, settings, settings.trails && settings.trailPoints > 0);
@@ -77,6 +81,7 @@ function start(data) {
     time = Math.min(Math.max(Number(to) || 0, 0), last);
     cloud.setTime(time);
     trails.setTime(time);
+    inspect.setTime(time);
     if (settings.follow) stage.enter(time);
     shared.only.value = settings.only === 'current' ? held() : -1;
     if (held() !== before || !api.ready) cameras.set({ current: held(), inside: stage.inside() });
@@ -152,7 +157,7 @@ function start(data) {
       if (left < strip.scrollLeft || left + width > strip.scrollLeft + strip.clientWidth) strip.scrollLeft = left - strip.clientWidth / 3;
       report({ playing });
     }
-    return { play, show };
+    return { play, show, images: frames.map((button) => button.firstChild) };
   }
 
   function buildPanel() {
@@ -164,6 +169,7 @@ function start(data) {
     const camerasShown = Panel.check('Camera frusta', settings.cameras, (on) => set({ cameras: on }), 'K');
     const pictures = Panel.segments([['off', 'No images'], ['current', 'Current'], ['all', 'All']], settings.pictures, (value) => (pictures.set(value), set({ pictures: value })));
     const follow = Panel.check('Follow the cameras in play', settings.follow, (on) => (set({ follow: on }), on ? setTime(time) : stage.reset()), 'F');
+    const beside = Panel.check('The image beside the points', settings.beside, (on) => set({ beside: on }), 'I');
     const labelled = (text, control) => Panel.element('div', { className: 'field' }, Panel.element('span', {}, text), Panel.element('span'), control.row);
     const jump = (by) => () => (setTime(Math.min(Math.max(held() + by, 0), last)), stage.enter(held()) && apply());
     const threshold = (p) => (p === 0 ? 'show all' : `below ${p} % (${Data.confidence(data, data.quantiles[p]).toPrecision(3)})`);
@@ -173,13 +179,13 @@ function start(data) {
         Panel.slider('Hide low confidence', { min: 0, max: 99, step: 1, value: 0 }, threshold, (hide) => set({ hide })), movingOnly.row, labelled('Points of', only)),
       Panel.section('Trails', trailsShown.row, Panel.slider('Length', { min: 1, max: Math.max(last, 1), step: 1, value: settings.reach }, (v) => `${v} times`, (reach) => set({ reach })),
         Panel.slider('Points', { min: 0, max: Math.max(trails.available, 1), step: 1, value: settings.trailPoints }, (v) => `${Panel.number(Math.min(v, trails.available))} of ${Panel.number(data.meta.moving)}`, (trailPoints) => set({ trailPoints })), labelled('Colour', trailColour)),
-      Panel.section('Cameras', camerasShown.row, follow.row, Panel.slider('Size', { min: 0.1, max: 4, step: 0.1, value: 1 }, (v) => `\u00d7 ${v.toFixed(1)}`, (cameraSize) => set({ cameraSize })), labelled('Images', pictures),
+      Panel.section('Cameras', camerasShown.row, follow.row, beside.row, Panel.slider('Size', { min: 0.1, max: 4, step: 0.1, value: 1 }, (v) => `\u00d7 ${v.toFixed(1)}`, (cameraSize) => set({ cameraSize })), labelled('Images', pictures),
         Panel.element('div', { className: 'field' }, Panel.element('span', {}, 'View from camera'), Panel.element('span'), Panel.element('div', { className: 'buttons' },
           Panel.element('button', { type: 'button', onclick: jump(-1) }, 'Previous'), Panel.element('button', { type: 'button', title: 'Key C', onclick: inCamera }, 'Current'),
           Panel.element('button', { type: 'button', onclick: jump(1) }, 'Next'), Panel.element('button', { type: 'button', className: 'all', title: 'Key R', onclick: stage.reset }, 'Reset view')))),
       Panel.facts(data, cameras.count),
     );
-    return { colouring, movingOnly, trails: trailsShown, cameras: camerasShown, follow };
+    return { colouring, movingOnly, trails: trailsShown, cameras: camerasShown, follow, beside };
   }
 
   byId('tools').append(
@@ -187,15 +193,25 @@ function start(data) {
     Panel.iconButton('theme', 'Light or dark (L)', flipTheme, 'wide'), Panel.iconButton('help', 'Keys (H)', flipHelp, 'wide'),
     Panel.iconButton('menu', 'Settings', () => byId('app').classList.toggle('open'), 'only-narrow'),
   );
-  canvas.addEventListener('pointerdown', () => byId('app').classList.remove('open'));
+  // A click that does not move picks a point; one that does turns the scene.
+  let pressed = null;
+  canvas.addEventListener('pointerdown', (event) => {
+    byId('app').classList.remove('open');
+    pressed = event.button === 0 ? [event.clientX, event.clientY] : null;
+  });
+  canvas.addEventListener('pointerup', (event) => {
+    if (!pressed || Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > 4) return;
+    const box = canvas.getBoundingClientRect();
+    inspect.pick([event.clientX - box.left, event.clientY - box.top]);
+  });
   Panel.help(byId('help'), flipHelp);
   byId('heading').append(Panel.element('h1', {}, data.meta.title), Panel.element('p', {}, `${Panel.number(data.count)} points, ${Panel.number(data.meta.moving)} moving \u00b7 ${Panel.number(data.times)} ${data.times === 1 ? 'time' : 'times'}`));
 
   const keys = {
     ' ': () => setPlaying(!playing), ArrowLeft: () => setTime(Math.ceil(time) - 1), ArrowRight: () => setTime(Math.floor(time) + 1), Home: () => setTime(0), End: () => setTime(last),
-    m: () => set({ movingOnly: !settings.movingOnly }), t: () => set({ trails: !settings.trails }), k: () => set({ cameras: !settings.cameras }), c: inCamera,
+    m: () => set({ movingOnly: !settings.movingOnly }), t: () => set({ trails: !settings.trails }), i: () => set({ beside: !settings.beside }), k: () => set({ cameras: !settings.cameras }), c: inCamera,
     f: () => (set({ follow: !settings.follow }), settings.follow ? setTime(time) : stage.reset()), r: stage.reset, l: flipTheme, h: flipHelp, '?': flipHelp,
-    Escape: () => ((byId('help').hidden = true), byId('app').classList.remove('open')),
+    Escape: () => ((byId('help').hidden = true), inspect.clear(), byId('app').classList.remove('open')),
   };
   Shaders.COLOURINGS.forEach((colouring, i) => (keys[i + 1] = () => set({ colouring })));
   window.addEventListener('keydown', (event) => {
@@ -233,14 +249,16 @@ function start(data) {
       }
     }
     before = now;
-    if (stage.draw() && (playing || time !== told)) {
+    const drawn = stage.draw();
+    if (drawn) inspect.follow();
+    if (drawn && (playing || time !== told)) {
       told = time;
       report({ playing });
     }
     requestAnimationFrame(tick);
   }
 
-  Object.assign(api, { setTime, time: () => time, play: () => setPlaying(true), pause: () => setPlaying(false), counts: () => ({ points: data.count, moving: data.meta.moving, changing: data.changing, times: data.times, cameras: cameras.count, trails: trails.available }) });
+  Object.assign(api, { setTime, time: () => time, play: () => setPlaying(true), pause: () => setPlaying(false), counts: () => ({ points: data.count, moving: data.meta.moving, changing: data.changing, times: data.times, cameras: cameras.count, trails: trails.available }), pick: (x, y) => inspect.pick([x, y]), picked: inspect.picked });
   stage.draw();
   api.ready = true;
   byId('message').hidden = true;

@@ -86,14 +86,14 @@ const Panel = (() => {
 
   const KEYS = [
     ['Space', 'play or pause'], ['\u2190 \u2192', 'one time back or on'], ['Home End', 'first or last time'], ['1 2 3 4', 'colour by image, source, motion, confidence'],
-    ['M', 'moving points only'], ['T', 'trails'], ['K', 'cameras'], ['C', 'view from the current camera'], ['F', 'follow the cameras in play'],
+    ['M', 'moving points only'], ['T', 'trails'], ['I', 'the image beside the points'], ['K', 'cameras'], ['C', 'view from the current camera'], ['F', 'follow the cameras in play'],
     ['R', 'reset the view'], ['L', 'light or dark background'], ['H', 'this list'],
   ];
 
   function help(box, close) {
     const list = element('dl');
     for (const [keys, what] of KEYS) list.append(element('dt', {}, ...keys.split(' ').flatMap((key) => [element('kbd', {}, key), ' '])), element('dd', {}, what));
-    list.append(element('dt', {}, 'Drag'), element('dd', {}, 'orbit; one finger'), element('dt', {}, 'Right drag'), element('dd', {}, 'pan; two fingers'), element('dt', {}, 'Wheel'), element('dd', {}, 'zoom; pinch'));
+    list.append(element('dt', {}, 'Click'), element('dd', {}, 'pick a point: its path and its pixel'), element('dt', {}, 'Drag'), element('dd', {}, 'orbit; one finger'), element('dt', {}, 'Right drag'), element('dd', {}, 'pan; two fingers'), element('dt', {}, 'Wheel'), element('dd', {}, 'zoom; pinch'));
     box.replaceChildren(element('h2', {}, 'Keys and mouse'), list);
     box.addEventListener('click', close);
   }

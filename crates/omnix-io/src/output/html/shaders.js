@@ -111,6 +111,9 @@ void main() {
   if (last <= first || hiddenPoint()) return;
   vec4 a = modelViewMatrix * vec4(low + extent * mix(start.xyz, end.xyz, first), 1.0);
   vec4 b = modelViewMatrix * vec4(low + extent * mix(start.xyz, end.xyz, last), 1.0);
+  // Nearer to the eye on the same line of sight: what a point has just moved over does not cover its trail.
+  a.xyz *= 0.97;
+  b.xyz *= 0.97;
   // Behind the eye there is no place on the screen: cut at a plane just before it.
   float plane = 1.01 * projectionMatrix[3][2] / (projectionMatrix[2][2] - 1.0);
   if (a.z > -plane && b.z > -plane) return;
@@ -124,7 +127,7 @@ void main() {
   gl_Position.xy += side * position.y * width / viewport * gl_Position.w;
   float at = stamp + mix(first, last, position.x);
   vec3 hue = byTime ? blend(timeRamp, at / max(times - 1.0, 1.0)) : colourOf();
-  colour = vec4(hue, pow(clamp(1.0 - (now - at) / max(reach, 1e-3), 0.0, 1.0), 0.7) * 0.8);
+  colour = vec4(hue, pow(clamp(1.0 - (now - at) / max(reach, 1e-3), 0.0, 1.0), 0.5) * 0.95);
 }`,
     fragment: `
 precision highp float;

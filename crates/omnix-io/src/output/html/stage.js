@@ -105,6 +105,15 @@ const Stage = (() => {
       enter,
       leave,
       resized,
+      // Where a place of the world is on the stage, in CSS pixels, and its depth; null behind the eye.
+      place([x, y, z]) {
+        const [v, p] = [eye.matrixWorldInverse.elements, eye.projectionMatrix.elements];
+        const depth = -(v[2] * x + v[6] * y + v[10] * z + v[14]);
+        if (depth <= eye.near) return null;
+        const [across, up] = [v[0] * x + v[4] * y + v[8] * z + v[12], v[1] * x + v[5] * y + v[9] * z + v[13]];
+        const size = canvas.getBoundingClientRect();
+        return { x: (0.5 + (0.5 * p[0] * across) / depth) * size.width, y: (0.5 - (0.5 * p[5] * up) / depth) * size.height, depth };
+      },
       redraw: () => (dirty = true),
       inside: () => inside,
       on: (name, listener) => (listeners[name] = listener),

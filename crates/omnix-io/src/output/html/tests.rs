@@ -148,6 +148,7 @@ fn the_page_holds_what_it_was_given() {
     // The point that moves comes first.
     assert_eq!(decode(element(&page, "omnix-look")), [2, 3, 4, 255, 255, 0, 1, 0]);
     assert_eq!(words(element(&page, "omnix-scalars")), [0, 65535, 65535, 0, 0, 0, 0, 0]);
+    assert_eq!(words(element(&page, "omnix-pixels")), [1, 0, 0, 0]);
     assert_eq!(words(element(&page, "omnix-still")), [0, 0, 0]);
     let along: Vec<u16> = (0..3).map(|t| words(element(&page, &format!("omnix-path-{t}")))[0]).collect();
     assert_eq!(along, [21845, 43690, 65535]);
@@ -178,7 +179,11 @@ fn names_cannot_leave_their_place() {
     let meta = meta_of(&page);
     assert_eq!((meta["title"].as_str(), meta["notes"][0].as_str()), (Some(evil), Some(evil)));
     let scripts = page.matches("</script>").count();
-    assert_eq!(scripts, 1 + 2 + 2 + 1 + 2 + 2, "meta, look and scalars, paths, still, pictures, three and the viewer");
+    assert_eq!(
+        scripts,
+        1 + 3 + 2 + 1 + 2 + 2,
+        "meta; look, scalars and pixels; paths, still, pictures, three and the viewer"
+    );
 }
 
 #[test]

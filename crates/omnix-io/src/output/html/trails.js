@@ -2,6 +2,8 @@
 // all and cut to the trail in the shader, so that playing changes a number only.
 const Trails = (() => {
   const MOST = 4000;
+  // Half the width of a trail, in CSS pixels.
+  const WIDTH = 2.6;
 
   // The same choice at every opening: a seeded shuffle, of which the first so many are shown.
   function choose(data) {
@@ -16,13 +18,13 @@ const Trails = (() => {
     return moving.slice(0, MOST);
   }
 
-  function create(data, shared) {
-    const chosen = choose(data);
+  // Strips of these points' paths; `own` are uniforms of them alone.
+  function strips(data, shared, points, own) {
     const steps = data.linked.flatMap((linked, time) => (linked ? [time] : []));
-    const segments = chosen.length * steps.length;
+    const segments = points.length * steps.length;
     const buffers = { start: new Uint16Array(4 * segments), end: new Uint16Array(4 * segments), stamp: new Float32Array(segments), look: new Uint8Array(4 * segments), scalars: new Uint16Array(4 * segments) };
     let at = 0;
-    for (const point of chosen) {
+    for (const point of points) {
       for (const time of steps) {
         for (let c = 0; c < 4; c++) {
           buffers.start[4 * at + c] = data.paths[time][4 * point + c];
@@ -38,16 +40,7 @@ const Trails = (() => {
     geometry.setIndex([0, 1, 2, 0, 2, 3]);
     for (const name of ['start', 'end', 'look', 'scalars']) geometry.setAttribute(name, new THREE.InstancedBufferAttribute(buffers[name], 4, true));
     geometry.setAttribute('stamp', new THREE.InstancedBufferAttribute(buffers.stamp, 1));
-    const own = {
-      now: { value: 0 },
-      reach: { value: 6 },
-      since: { value: 0 },
-      times: { value: data.times },
-      viewport: { value: [1, 1] },
-      width: { value: 2 },
-      byTime: { value: true },
-      timeRamp: { value: Shaders.ramp('time') },
-    };
+    geometry.instanceCount = segments;
     const material = new THREE.RawShaderMaterial({
       glslVersion: THREE.GLSL3,
       vertexShader: Shaders.trails.vertex,
@@ -60,6 +53,24 @@ const Trails = (() => {
     const mesh = new THREE.Mesh(geometry, material);
     mesh.frustumCulled = false;
     mesh.renderOrder = 2;
+    return { mesh, geometry, material, steps: steps.length, segments };
+  }
+
+  const uniforms = (data) => ({
+    now: { value: 0 },
+    reach: { value: 6 },
+    since: { value: 0 },
+    times: { value: data.times },
+    viewport: { value: [1, 1] },
+    width: { value: 2 },
+    byTime: { value: true },
+    timeRamp: { value: Shaders.ramp('time') },
+  });
+
+  function create(data, shared) {
+    const chosen = choose(data);
+    const own = uniforms(data);
+    const { mesh, geometry, steps, segments } = strips(data, shared, chosen, own);
     return {
       mesh,
       available: segments > 0 ? chosen.length : 0,
@@ -71,10 +82,10 @@ const Trails = (() => {
       },
       setViewport(width, height, ratio) {
         own.viewport.value = [width, height];
-        own.width.value = 1.6 * ratio;
+        own.width.value = WIDTH * ratio;
       },
       set({ shown, points, reach, byTime }) {
-        geometry.instanceCount = Math.min(points, chosen.length) * steps.length;
+        geometry.instanceCount = Math.min(points, chosen.length) * steps;
         mesh.visible = shown && geometry.instanceCount > 0;
         own.reach.value = reach;
         own.byTime.value = byTime;
@@ -82,6 +93,33 @@ const Trails = (() => {
     };
   }
 
-  return { create };
+  // The path of one point at all times, over everything else.
+  function path(data, shared) {
+    const own = uniforms(data);
+    [own.now.value, own.reach.value] = [data.times, 1e6];
+    let made = strips(data, shared, [], own);
+    made.material.depthTest = false;
+    const { mesh } = made;
+    mesh.visible = false;
+    mesh.renderOrder = 3;
+    return {
+      mesh,
+      setViewport(width, height, ratio) {
+        own.viewport.value = [width, height];
+        own.width.value = 1.4 * WIDTH * ratio;
+      },
+      // A point that stays in one place has no path.
+      show(point) {
+        mesh.visible = point >= 0 && point < data.changing;
+        if (!mesh.visible) return;
+        mesh.geometry.dispose();
+        made = strips(data, shared, [point], own);
+        mesh.geometry = made.geometry;
+        mesh.visible = made.segments > 0;
+      },
+    };
+  }
+
+  return { create, path };
 })();
 
