@@ -9,6 +9,9 @@ mod common;
 mod device_lost;
 mod hand_out;
 mod happy;
+#[cfg(unix)]
 mod interrupted;
 mod limits;
+mod messages;
 mod motion;
+mod surroundings;

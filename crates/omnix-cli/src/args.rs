@@ -1,59 +1,19 @@
-//! The command line: subcommands, and the options that `reconstruct` and `plan` share.
+//! Groups of options that several commands share. The commands themselves are in `cmd`.
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, ValueEnum};
 use omnix::io::Export;
 use omnix::io::preprocess::ResizeMethod;
 use omnix::{Engine, FieldPrecision, OmnixError, ReferenceChoice, WeightType};
 
-use crate::{bytes, cmd, error};
-
-/// Any-view, any-time reconstruction on any GPU: depth, cameras and moving points from images and videos of a scene.
-#[derive(Debug, Parser)]
-#[command(name = "omnix", version, after_help = error::EXIT_CODES, arg_required_else_help = true)]
-pub(crate) struct Cli {
-    #[command(subcommand)]
-    pub(crate) command: Command,
-}
-
-/// What to do.
-#[derive(Debug, Subcommand)]
-pub(crate) enum Command {
-    /// Depth, cameras and moving points of images, folders and videos, written to a folder.
-    Reconstruct(cmd::reconstruct::ReconstructArgs),
-    /// Paths of points from a saved field: of one image, the pixels and times asked for.
-    Query(cmd::query::QueryArgs),
-    /// What a run would take: memory, operations, chunks and files. Needs no GPU.
-    Plan(cmd::plan::PlanArgs),
-    /// The devices of this machine: which will do, which not, and why.
-    Devices(cmd::devices::DevicesArgs),
-    /// Looks into checkpoints.
-    #[command(subcommand)]
-    Weights(cmd::weights::WeightsCommand),
-    /// Times the kernels and the small network, beside what the device can do at best.
-    Bench(cmd::bench::BenchArgs),
-}
-
-impl Command {
-    /// Whether machines listen.
-    pub(crate) fn json(&self) -> bool {
-        match self {
-            Self::Reconstruct(args) => args.run.json,
-            Self::Query(args) => args.json,
-            Self::Plan(args) => args.run.json,
-            Self::Devices(args) => args.json,
-            Self::Weights(command) => command.json(),
-            Self::Bench(args) => args.json,
-        }
-    }
-}
+use crate::bytes;
 
 /// Which device, shared by commands that open one.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct DeviceArgs {
     /// Device by index or part of its name, as `omnix devices` lists them. [default: the first that will do]
-    #[arg(long, value_name = "NAME|INDEX", help_heading = "Device")]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Device", allow_negative_numbers = true)]
     pub(crate) device: Option<String>,
     /// Use features of the device that wgpu calls experimental: cooperative matrices (tensor cores), which about double the
     /// speed of products beside f16 and i8 weights.
@@ -73,10 +33,10 @@ impl DeviceArgs {
 #[derive(Debug, Clone, Args)]
 pub(crate) struct RunArgs {
     /// Use N frames of each input, evenly spread.
-    #[arg(long, value_name = "N", help_heading = "Frames", conflicts_with = "fps")]
+    #[arg(long, value_name = "N", help_heading = "Frames", conflicts_with = "fps", allow_negative_numbers = true)]
     pub(crate) frames: Option<usize>,
     /// Use F frames a second of each video.
-    #[arg(long, value_name = "F", help_heading = "Frames")]
+    #[arg(long, value_name = "F", help_heading = "Frames", allow_negative_numbers = true)]
     pub(crate) fps: Option<f64>,
 
     /// Checkpoint: a folder with config.json and model.safetensors, such a file, or the name `nano` of the small stand-in
@@ -89,14 +49,14 @@ pub(crate) struct RunArgs {
     pub(crate) weights_type: WeightsType,
     /// Which image is the reference view: first, middle, saddle_balanced, saddle_sim_range, or its index. [default: the
     /// network's own]
-    #[arg(long, value_name = "WHICH", value_parser = reference, help_heading = "Network")]
+    #[arg(long, value_name = "WHICH", value_parser = reference, help_heading = "Network", allow_negative_numbers = true)]
     pub(crate) reference: Option<ReferenceChoice>,
     /// Where cameras come from: the camera decoder, or the ray maps (about twice the work of the heads).
     #[arg(long, value_name = "SOURCE", default_value = "decoder", help_heading = "Network")]
     pub(crate) cameras: Cameras,
 
     /// Bound of the longest (or shortest) side in pixels. Depth Anything 3 only. [default: 504]
-    #[arg(long, value_name = "N", help_heading = "Picture size", value_parser = clap::value_parser!(u32).range(14..=8192))]
+    #[arg(long, value_name = "N", help_heading = "Picture size", value_parser = clap::value_parser!(u32).range(14..=8192), allow_negative_numbers = true)]
     pub(crate) process_res: Option<u32>,
     /// upper_bound_resize, upper_bound_crop, lower_bound_resize or lower_bound_crop. Depth Anything 3 only. [default:
     /// upper_bound_resize]
@@ -107,17 +67,15 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "WxH", help_heading = "Picture size", value_parser = size)]
     pub(crate) size: Option<(u32, u32)>,
 
-    /// What to write, a comma between: npz, mini_npz, depth, ply, glb, tum; of networks with trajectories also tracks,
-    /// st4rtrack, omx4d, masks, html, field. manifest.json is always written. [default: depth,glb,npz, and html where there
-    /// are trajectories]
-    #[arg(long, value_name = "LIST", help_heading = "Output", value_parser = exports)]
+    // Its help is made of the list of exports.
+    #[arg(long, value_name = "LIST", help_heading = "Output", value_parser = exports, help = export_help())]
     export: Option<Exports>,
     /// At most N points in ply and glb, and followed in tracks, omx4d, html and a glb that moves (those that move first).
     /// [default: all in ply, 1000000 in a still glb, 100000 followed]
-    #[arg(long, value_name = "N", help_heading = "Output", value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
+    #[arg(long, value_name = "N", help_heading = "Output", value_parser = clap::value_parser!(u64).range(1..=100_000_000), allow_negative_numbers = true)]
     pub(crate) points: Option<u64>,
     /// Leave points below this percentile of confidence out of ply and glb. [default: 0 in ply, 40 in glb]
-    #[arg(long, value_name = "P", help_heading = "Output", value_parser = percentile)]
+    #[arg(long, value_name = "P", help_heading = "Output", value_parser = percentile, allow_negative_numbers = true)]
     pub(crate) conf_percentile: Option<f32>,
     /// Follow every pixel in tracks: T x H x W points an image.
     #[arg(long, help_heading = "Output")]
@@ -127,8 +85,8 @@ pub(crate) struct RunArgs {
     pub(crate) field_type: FieldType,
 
     /// Device memory that the run may take, such as 4GiB; chunks are cut to fit. [default: on software devices 80 % of the
-    /// free memory]
-    #[arg(long, value_name = "SIZE", help_heading = "Device", value_parser = bytes::parse)]
+    /// free memory of the machine or of this process's control group, whichever is less]
+    #[arg(long, value_name = "SIZE", help_heading = "Device", value_parser = bytes::parse, allow_negative_numbers = true)]
     pub(crate) memory_budget: Option<u64>,
     #[command(flatten)]
     pub(crate) device: DeviceArgs,
@@ -139,7 +97,8 @@ pub(crate) struct RunArgs {
     /// field, outputs, ...}; device {name, backend, driver, kind, tier}; progress {phase:
     /// read|weights|backbone|head|motion|sampling|exports, done, total, seconds}; frame {index, video, frame, time_s,
     /// depth_min, depth_max, seconds}; motion {index, moving, pixels}; done {dir, files, manifest,
-    /// images, timings_s, note}; error {kind, exit_code, message, causes}. The last line is done or error.
+    /// images, timings_s, note}; error {kind, exit_code, message, causes, help}. The last line is done or error. Sizes are
+    /// {width, height} in pixels. A path that is no Unicode has U+FFFD in place of what is not.
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -157,8 +116,10 @@ impl RunArgs {
     pub(crate) fn exports(&self, trajectories: bool) -> Vec<Export> {
         match &self.export {
             Some(asked) => asked.0.clone(),
-            None if trajectories => vec![Export::Depth, Export::Glb, Export::Npz, Export::Html],
-            None => vec![Export::Depth, Export::Glb, Export::Npz],
+            None => {
+                let usual = Export::ALL.iter().copied().filter(|e| e.by_default());
+                usual.filter(|e| trajectories || !e.needs_motion()).collect()
+            }
         }
     }
 }
@@ -237,6 +198,21 @@ fn exports(text: &str) -> Result<Exports, String> {
     if list.is_empty() { Err("name at least one, such as depth,npz,html".to_owned()) } else { Ok(Exports(list)) }
 }
 
+/// Help of `--export`.
+fn export_help() -> String {
+    let names = |which: &dyn Fn(&Export) -> bool| {
+        Export::ALL.iter().filter(|e| which(e)).map(|e| e.name()).collect::<Vec<_>>().join(", ")
+    };
+    format!(
+        "What to write, separated by commas: {}; of networks with trajectories also {}. manifest.json is always written. \
+         [default: {}, and {} where there are trajectories]",
+        names(&|e| !e.needs_motion()),
+        names(&|e| e.needs_motion()),
+        names(&|e| e.by_default() && !e.needs_motion()),
+        names(&|e| e.by_default() && e.needs_motion()),
+    )
+}
+
 fn percentile(text: &str) -> Result<f32, String> {
     text.parse::<f32>().ok().filter(|p| (0.0..=100.0).contains(p)).ok_or_else(|| "a number from 0 to 100".to_owned())
 }
@@ -253,20 +229,15 @@ fn size(text: &str) -> Result<(u32, u32), String> {
 /// The output folder, shared by commands that write one.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct OutArgs {
-    /// Folder for the results; made if absent. Files of the same names are replaced, others are left alone.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the results; made if absent. Files of the same names are replaced, others are left alone. One run at a time
+    /// writes to it.
+    #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory as _;
-
-    #[test]
-    fn the_command_line_is_consistent() {
-        Cli::command().debug_assert();
-    }
 
     #[test]
     fn values() {

@@ -2,40 +2,16 @@
 
 use std::path::Path;
 
-use omnix::io::Export;
-use omnix::{FieldPrecision, RunPlan};
+use omnix::RunPlan;
+use omnix::io::{Export, RunSize};
 
-use crate::args::RunArgs;
 use crate::error::CliError;
-use crate::job::Job;
 
-/// Bytes that the exports of a run take, roughly and rather too many: pictures and archives as if they did not shrink.
-pub(crate) fn wanted(job: &Job, args: &RunArgs, plan: &RunPlan) -> u64 {
-    let request = &job.request;
-    let (images, pixels) = (request.images as u64, (request.height * request.width) as u64);
-    let all = images * pixels;
-    let followed = args.followed().min(all);
-    let mut bytes = 0;
-    for export in &job.exports {
-        bytes += match export {
-            Export::Npz | Export::MiniNpz => 11 * all,
-            Export::Depth => 5 * all,
-            Export::Ply => 19 * args.points.unwrap_or(all).min(all),
-            Export::Glb if request.motion => followed * (20 + 12 * images.min(32)),
-            Export::Glb => 16 * args.points.unwrap_or(1_000_000).min(all),
-            Export::Tracks if args.all_tracks => all * (12 * images + 12),
-            Export::Tracks => followed * (12 * images + 20),
-            Export::St4rtrack => 2 * 28 * all,
-            Export::Omx4d => followed.min(100_000) * (12 * images + 9),
-            Export::Masks => 3 * all,
-            // Base64 of six bytes a point and time.
-            Export::Html => followed * (8 * images + 16) + images * 64_000 + (1 << 20),
-            Export::Field => plan.motion.as_ref().map_or(0, |m| FieldPrecision::from(args.field_type).bytes(&m.shape)),
-            _ => 0,
-        };
-    }
+/// Bytes that the exports of a run take, roughly and rather too many.
+pub(crate) fn wanted(exports: &[Export], size: &RunSize, plan: &RunPlan) -> u64 {
+    let exports = exports.iter().fold(0u64, |sum, export| sum.saturating_add(export.disk_bytes(size)));
     // A field that does not fit the budget waits in a file of the same folder.
-    bytes + plan.motion.as_ref().filter(|m| !m.resident).map_or(0, |m| m.shape.bytes())
+    exports.saturating_add(plan.motion.as_ref().filter(|m| !m.resident).map_or(0, |m| m.shape.bytes()))
 }
 
 /// An error if `dir` (which exists) has less room than `needed`.
@@ -44,6 +20,21 @@ pub(crate) fn check(dir: &Path, needed: u64) -> Result<(), CliError> {
         Some(free) if free < needed => Err(CliError::DiskSpace { needed, free, dir: dir.to_owned() }),
         _ => Ok(()),
     }
+}
+
+/// An error if a software device could not hold a run of `plan`: Mesa's keeps its memory in a file of the system, and one that may not
+/// grow ends the process without a word.
+pub(crate) fn check_device_memory(plan: &RunPlan) -> Result<(), CliError> {
+    let needed = plan.peak_bytes();
+    match std::fs::read_to_string("/proc/self/limits").ok().and_then(|limits| file_limit(&limits)) {
+        Some(limit) if limit < needed => Err(CliError::FileLimit { limit, needed }),
+        _ => Ok(()),
+    }
+}
+
+/// Bytes that a file of a process with these limits (Linux, proc(5)) may have; none where there is no limit.
+fn file_limit(limits: &str) -> Option<u64> {
+    limits.lines().find_map(|line| line.strip_prefix("Max file size"))?.split_whitespace().next()?.parse().ok()
 }
 
 /// Bytes that this user may still write there; none where the system does not say.
@@ -61,6 +52,14 @@ fn free(_: &Path) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn limits_of_file_sizes() {
+        let limits =
+            |soft: &str| format!("Limit  Soft Limit  Hard Limit  Units\nMax file size  {soft}  unlimited  bytes\n");
+        assert_eq!(file_limit(&limits("20480000")), Some(20_480_000));
+        assert_eq!((file_limit(&limits("unlimited")), file_limit("")), (None, None));
+    }
 
     #[test]
     fn more_than_the_disk_has_is_refused() {

@@ -19,14 +19,14 @@ Exit codes:
   4    no usable device, or the device was lost
   5    too large: the memory budget is too small, memory ran out, or more than an hour of work that nobody asked for by number
   6    output cannot be written: permissions, or the disk is full
-  130  interrupted: what was finished is readable";
+  130  interrupted (Ctrl-C, SIGTERM, SIGHUP): what was finished is readable";
 
 /// Errors of the program.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
     /// From the engine or the files.
     #[error(transparent)]
-    Omnix(#[from] OmnixError),
+    Omnix(OmnixError),
     /// Options that do not go together, found after parsing.
     #[error("{0}")]
     Usage(String),
@@ -38,6 +38,30 @@ pub(crate) enum CliError {
         /// Starts with a separator; empty if there is none.
         suggestion: String,
     },
+    /// One array of the run is larger than a buffer of the device may be.
+    #[error(
+        "one array of this run takes {}, and the largest buffer of this device {}: use fewer or smaller images{suggestion}",
+        bytes::show(*needed), bytes::show(*limit)
+    )]
+    TensorTooLarge {
+        /// Bytes of the array.
+        needed: u64,
+        /// The device's limit.
+        limit: u64,
+        /// Starts with a separator; empty if there is none.
+        suggestion: String,
+    },
+    /// Results of a run among the inputs.
+    #[error("{reason}: move results away from pictures, or name the pictures themselves: {}", path.display())]
+    ResultsAsInputs {
+        /// Where they are, in words.
+        reason: String,
+        /// The first such input.
+        path: PathBuf,
+    },
+    /// The system gives no threads, not even as many as there are.
+    #[error("the threads of the program could not be started")]
+    Threads(#[source] rayon::ThreadPoolBuildError),
     /// So much work that it is hardly meant.
     #[error(
         "{images} images need {tera_flops:.0} TFLOP, about {hours:.0} hours on this kind of device: choose some with --frames N \
@@ -93,6 +117,17 @@ pub(crate) enum CliError {
         /// The output folder.
         dir: PathBuf,
     },
+    /// A limit of file sizes below the memory of a software device.
+    #[error(
+        "files of this process may have {} (ulimit -f), and this software device keeps the memory of a run, {}, in a file: raise the limit",
+        bytes::show(*limit), bytes::show(*needed)
+    )]
+    FileLimit {
+        /// Bytes that a file may have.
+        limit: u64,
+        /// Bytes of the run on the device.
+        needed: u64,
+    },
     /// Ctrl-C after the geometry.
     #[error("interrupted: depth and cameras of all {images} images were finished and can be read in {}; what moves was not", dir.display())]
     MotionInterrupted {
@@ -111,6 +146,18 @@ pub(crate) enum CliError {
         /// The output folder.
         dir: PathBuf,
     },
+}
+
+impl From<OmnixError> for CliError {
+    fn from(error: OmnixError) -> Self {
+        match error {
+            // Names inside of a graph say nothing to who runs the program.
+            OmnixError::Graph(GraphError::TensorTooLarge { bytes, limit, .. }) => {
+                Self::TensorTooLarge { needed: bytes, limit, suggestion: String::new() }
+            }
+            other => Self::Omnix(other),
+        }
+    }
 }
 
 impl From<IoError> for CliError {
@@ -136,11 +183,22 @@ impl CliError {
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Omnix(error) => library_code(error),
-            Self::Usage(_) => 2,
+            Self::Usage(_) | Self::ResultsAsInputs { .. } => 2,
+            Self::Threads(_) => 1,
             Self::TinyPicture { .. } | Self::BadWeights { .. } => 3,
-            Self::TooLarge { .. } | Self::TooMuch { .. } => 5,
-            Self::Stdout(_) | Self::File { .. } | Self::DiskSpace { .. } => 6,
+            Self::TooLarge { .. } | Self::TensorTooLarge { .. } | Self::TooMuch { .. } => 5,
+            Self::Stdout(_) | Self::File { .. } | Self::DiskSpace { .. } | Self::FileLimit { .. } => 6,
             Self::Interrupted { .. } | Self::MotionInterrupted { .. } => 130,
+        }
+    }
+
+    /// The program's own words for what the libraries' errors advise: its options and commands.
+    pub(crate) fn cure(&self) -> Option<&'static str> {
+        match self {
+            Self::Omnix(error) | Self::TooLarge { source: error, .. } => library_cure(error),
+            Self::TensorTooLarge { .. } => Some(SMALLER),
+            Self::ResultsAsInputs { .. } => Some(OTHER_FOLDER),
+            _ => None,
         }
     }
 
@@ -155,6 +213,31 @@ impl CliError {
             130 => "interrupted",
             _ => "runtime",
         }
+    }
+}
+
+const SMALLER: &str =
+    "--frames takes fewer images, --process-res or --size smaller ones; --weights-type f16 or i8 takes smaller weights";
+const OTHER_FOLDER: &str = "--out names the output folder";
+
+fn library_cure(error: &OmnixError) -> Option<&'static str> {
+    match error {
+        OmnixError::Kernel(kernel) | OmnixError::Graph(GraphError::Kernel(kernel)) => match kernel {
+            KernelError::NoAdapter { .. } => Some(
+                "`omnix devices` lists what there is, --device chooses one, and tools/setup installs Mesa's lavapipe, which needs no GPU",
+            ),
+            KernelError::OutOfMemory { .. } => Some(
+                "--memory-budget bounds what a run takes; --frames takes fewer images, --process-res or --size smaller ones",
+            ),
+            KernelError::DeviceLost { .. } => Some("--device chooses another device"),
+            _ => None,
+        },
+        OmnixError::Budget { .. } => Some(SMALLER),
+        OmnixError::NoMotion { .. } => Some("--weights names a checkpoint, --export what is written"),
+        OmnixError::Io(IoError::OutputFolder { .. } | IoError::FolderInUse { .. } | IoError::DiskFull { .. }) => {
+            Some(OTHER_FOLDER)
+        }
+        _ => None,
     }
 }
 
@@ -182,7 +265,13 @@ fn library_code(error: &OmnixError) -> u8 {
 fn file_code(error: &IoError) -> u8 {
     match error {
         IoError::BadChoice { .. } | IoError::UnknownName { .. } | IoError::MissingField { .. } => 2,
-        IoError::OutputFolder { .. } | IoError::DiskFull { .. } | IoError::Write { .. } => 6,
+        IoError::OutputFolder { .. }
+        | IoError::FolderInUse { .. }
+        | IoError::Vanished { .. }
+        | IoError::DiskFull { .. }
+        | IoError::TemporaryFull { .. }
+        | IoError::FileTooLarge { .. }
+        | IoError::Write { .. } => 6,
         IoError::WrongSize { .. } | IoError::MissingTool { .. } => 1,
         _ => 3,
     }

@@ -1,10 +1,11 @@
 //! A run before it has a device: frames listed, weights checked, sizes known; then planned for a device's facts.
 
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use omnix::graph::GraphError;
-use omnix::io::{Export, FrameChoice, InputPlan, probe};
-use omnix::{Caps, OmnixError, Request, RunPlan, Tier, Weights};
+use omnix::io::{Export, FrameChoice, InputPlan, RunSize, probe};
+use omnix::{Caps, FieldPrecision, OmnixError, Request, RunPlan, Tier, Weights};
 use serde_json::{Value, json};
 
 use crate::args::{Cameras, RunArgs, WeightsType};
@@ -31,7 +32,7 @@ const HOURS: f64 = 1.0;
 
 impl Job {
     /// Lists frames, opens weights, finds sizes. Nothing is decoded.
-    pub(crate) fn new(inputs: &[String], args: &RunArgs, ui: &mut Ui) -> Result<Self, CliError> {
+    pub(crate) fn new(inputs: &[PathBuf], args: &RunArgs, ui: &mut Ui) -> Result<Self, CliError> {
         let input = probe(inputs, choice(args))?;
         let weights = Weights::find(&args.weights)?;
         for note in &input.notes {
@@ -40,7 +41,7 @@ impl Job {
         let preparation = Preparation::new(&weights, args, &input)?;
         let (width, height) = preparation.size();
         let mut request = request(args, input.frames.len(), width, height);
-        request.times = input.frames.iter().map(|f| (f.video, f.frame)).collect();
+        request.times = Some(input.frames.iter().map(|f| (f.video, f.frame)).collect());
         let exports = chosen_exports(args, &weights, &mut request)?;
         Ok(Self { input, weights, preparation, request, exports })
     }
@@ -60,7 +61,12 @@ impl Job {
                     }
                     _ => String::new(),
                 };
-                Err(CliError::TooLarge { source, suggestion })
+                Err(match source {
+                    OmnixError::Graph(GraphError::TensorTooLarge { bytes, limit, .. }) => {
+                        CliError::TensorTooLarge { needed: bytes, limit, suggestion }
+                    }
+                    source => CliError::TooLarge { source, suggestion },
+                })
             }
             Err(error) => Err(error.into()),
         }
@@ -74,6 +80,11 @@ impl Job {
             return Err(CliError::TooMuch { images: self.request.images, tera_flops, hours });
         }
         Ok(())
+    }
+
+    /// How large the run is.
+    pub(crate) fn size(&self, args: &RunArgs, plan: &RunPlan) -> RunSize {
+        size(&self.request, self.input.sources.len(), args, Some(plan))
     }
 
     /// Bytes of all processed pictures, kept on the host for the exports.
@@ -133,8 +144,9 @@ fn budget(args: &RunArgs, cpu: bool, pictures: u64) -> Result<Option<u64>, CliEr
 fn largest(weights: &Weights, request: &Request, caps: &Caps) -> Option<usize> {
     let since = Instant::now();
     let fits = |n: usize| {
-        let times: Vec<_> = request.times.iter().take(n).copied().collect();
-        RunPlan::new(weights, &request.clone().images(n).times(times).reference(None), caps).is_ok()
+        let mut fewer = request.clone().images(n).reference(None);
+        fewer.times = request.times.as_ref().map(|times| times.iter().take(n).copied().collect());
+        RunPlan::new(weights, &fewer, caps).is_ok()
     };
     if !fits(1) {
         return None;
@@ -197,51 +209,42 @@ pub(crate) fn plan_event(
     plan: &RunPlan,
     weights: &Weights,
     exports: &[Export],
-    args: &RunArgs,
+    size: &RunSize,
     tier: Tier,
     budget: Option<u64>,
 ) -> Value {
     let mut event = serde_json::to_value(plan.summary()).unwrap_or_default();
     if let Value::Object(fields) = &mut event {
-        fields.insert("process_bytes".to_owned(), json!(memory::process(plan, exports, args, tier)));
+        let (width, height) = (plan.request.width, plan.request.height);
+        fields.insert("image_size".to_owned(), json!({ "width": width, "height": height }));
+        fields.insert("process_bytes".to_owned(), json!(memory::process(plan, exports, size, tier)));
         fields.insert("budget_bytes".to_owned(), json!(budget));
         fields.insert("network".to_owned(), json!(weights.network().config().name));
         fields.insert("weights".to_owned(), json!(weights.checkpoint().name()));
-        fields.insert("outputs".to_owned(), json!(files_of(exports, plan.request.images)));
+        fields.insert("outputs".to_owned(), json!(files_of(exports, size)));
     }
     event
 }
 
-/// Names of the files that a run leaves.
-pub(crate) fn files_of(exports: &[Export], images: usize) -> Vec<String> {
-    let last = images.saturating_sub(1);
-    let mut files = Vec::new();
-    for export in exports {
-        match export {
-            Export::Npz => files.push("exports/npz/results.npz".to_owned()),
-            Export::MiniNpz => files.push("exports/mini_npz/results.npz".to_owned()),
-            Export::Depth => files.extend([
-                format!("depth/000000.png to depth/{last:06}.png"),
-                format!("depth_color/000000.png to depth_color/{last:06}.png"),
-                "depth/depth.json".to_owned(),
-            ]),
-            Export::Ply => files.push("points.ply".to_owned()),
-            Export::Glb => files.push("scene.glb".to_owned()),
-            Export::Tum => files.extend(["trajectory.tum".to_owned(), "frame_times.csv".to_owned()]),
-            Export::Tracks => files.push(format!("exports/tracks/000000.npz to exports/tracks/{last:06}.npz")),
-            Export::St4rtrack => files.push("exports/st4rtrack/".to_owned()),
-            Export::Omx4d => files.push("scene.omx4d".to_owned()),
-            Export::Masks => files.extend([
-                format!("masks/000000.png to masks/{last:06}.png"),
-                format!("theta/000000.png to theta/{last:06}.png"),
-            ]),
-            Export::Html => files.push("scene.html".to_owned()),
-            Export::Field => files.push("field.safetensors".to_owned()),
-            other => files.push(other.to_string()),
-        }
+/// How large a run of `request` is, with `videos` inputs, for what its exports leave and take; of a plan also the field's bytes.
+pub(crate) fn size(request: &Request, videos: usize, args: &RunArgs, plan: Option<&RunPlan>) -> RunSize {
+    let precision = FieldPrecision::from(args.field_type);
+    RunSize {
+        images: request.images as u64,
+        videos: videos as u64,
+        pixels: (request.height * request.width) as u64,
+        motion: request.motion,
+        points: args.points,
+        followed: args.followed(),
+        all_pixels: args.all_tracks,
+        field_bytes: plan.and_then(|p| p.motion.as_ref()).map_or(0, |m| precision.bytes(&m.shape)),
     }
-    files.push("manifest.json".to_owned());
-    files
+}
+
+/// Names of the files that a run leaves; a kind of which there are many is "first to last".
+pub(crate) fn files_of(exports: &[Export], size: &RunSize) -> Vec<String> {
+    let files = exports.iter().flat_map(|export| export.files_in_short(size));
+    files.chain(["manifest.json".to_owned()]).collect()
 }
 
 /// Name of the storage type for the manifest.

@@ -52,10 +52,11 @@ impl Preparation {
                 Ok(Self::DepthAnything { steps, common })
             }
             Family::OmniX => {
-                if args.process_res.is_some() || args.process_res_method.is_some() {
-                    return Err(CliError::Usage(
-                        "--process-res is for Depth Anything 3; this is an OmniX network: use --size WxH".to_owned(),
-                    ));
+                let method = args.process_res_method.map(|_| "--process-res-method");
+                if let Some(option) = args.process_res.map(|_| "--process-res").or(method) {
+                    return Err(CliError::Usage(format!(
+                        "{option} is for Depth Anything 3; this is an OmniX network: use --size WxH"
+                    )));
                 }
                 let patches = if weights.note().is_some() { PATCHES_NANO } else { PATCHES };
                 let shape = input.frames.first().map_or((504, 280), |f| (f.width, f.height));
@@ -90,9 +91,9 @@ impl Preparation {
         match self {
             Self::DepthAnything { steps, .. } => json!({
                 "kind": "depth_anything_3", "process_res": steps.process_res,
-                "process_res_method": steps.method.name(), "size": [width, height],
+                "process_res_method": steps.method.name(), "size": { "width": width, "height": height },
             }),
-            Self::OmniX(_) => json!({ "kind": "omnix", "size": [width, height] }),
+            Self::OmniX(_) => json!({ "kind": "omnix", "size": { "width": width, "height": height } }),
         }
     }
 }

@@ -1,20 +1,28 @@
 //! What people see (standard error: bars on a terminal, a line a phase elsewhere) and what machines read (standard output
 //! with `--json`: one object a line, with its kind in `event`).
+//!
+//! A message that cannot be written (a closed terminal, a full disk under a log) is no failure. An event that cannot is one,
+//! unless its reader has gone away: [`Ui::finish`] tells.
 
 use std::error::Error as _;
-use std::io::{IsTerminal as _, Write as _};
+use std::io::{ErrorKind, IsTerminal as _, Write as _};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
 use crate::error::CliError;
+use crate::text;
 
 /// Where words go.
 pub(crate) struct Ui {
     json: bool,
+    quiet: bool,
+    verbose: bool,
     terminal: bool,
     phase: Option<Phase>,
+    /// Why the first event that was lost could not be written.
+    lost: Option<std::io::Error>,
 }
 
 struct Phase {
@@ -30,8 +38,8 @@ const LONG: Duration = Duration::from_millis(600);
 const EVERY: Duration = Duration::from_millis(250);
 
 impl Ui {
-    pub(crate) fn new(json: bool) -> Self {
-        Self { json, terminal: std::io::stderr().is_terminal(), phase: None }
+    pub(crate) fn new(json: bool, quiet: bool, verbose: bool) -> Self {
+        Self { json, quiet, verbose, terminal: std::io::stderr().is_terminal(), phase: None, lost: None }
     }
 
     pub(crate) fn json(&self) -> bool {
@@ -47,19 +55,26 @@ impl Ui {
         }
     }
 
-    /// A line for people alone.
+    /// A line for people alone; none with `--quiet`.
     pub(crate) fn say(&self, text: &str) {
-        if self.json {
+        if self.json || self.quiet {
             return;
         }
         match self.phase.as_ref().and_then(|p| p.bar.as_ref()) {
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(bar) => bar.suspend(|| to_stderr(text)),
+            None => to_stderr(text),
+        }
+    }
+
+    /// A line for people who asked for more, with `--verbose`.
+    pub(crate) fn detail(&self, text: &str) {
+        if self.verbose {
+            self.say(text);
         }
     }
 
     /// A line of machine output, `{"event": name, ...fields}`; nothing without `--json`. A reader that has gone away is no
-    /// reason to stop a run that writes files.
+    /// reason to stop a run that writes files, and neither is a full disk: [`Ui::finish`] tells of that.
     pub(crate) fn event(&mut self, name: &str, fields: Value) {
         if !self.json {
             return;
@@ -70,17 +85,27 @@ impl Ui {
             object.extend(fields);
         }
         let mut out = std::io::stdout().lock();
-        let _ = writeln!(out, "{}", Value::Object(object)).and_then(|()| out.flush());
+        let written = writeln!(out, "{}", Value::Object(object)).and_then(|()| out.flush());
+        if let Err(error) = written
+            && error.kind() != ErrorKind::BrokenPipe
+        {
+            self.lost.get_or_insert(error);
+        }
+    }
+
+    /// Whether every event reached standard output, or its reader wanted no more.
+    pub(crate) fn finish(&mut self) -> Result<(), CliError> {
+        self.lost.take().map_or(Ok(()), |error| Err(CliError::Stdout(error)))
     }
 
     /// Begins a phase; `text` is its one line where there are no bars.
     pub(crate) fn begin(&mut self, name: &'static str, text: &str) {
         self.end();
-        if !self.json && !self.terminal {
-            eprintln!("{text}");
+        if !self.terminal {
+            self.say(text);
         }
         self.phase = Some(Phase { name, since: Instant::now(), bar: None, said: None });
-        if !self.json && self.terminal {
+        if !self.json && !self.quiet && self.terminal {
             let bar = ProgressBar::new(0);
             bar.set_draw_target(indicatif::ProgressDrawTarget::hidden());
             if let Ok(style) =
@@ -129,31 +154,53 @@ impl Ui {
     /// The last word of a failed program: message and causes on standard error, and an event `error` for machines.
     pub(crate) fn error(&mut self, error: &CliError) {
         self.end();
-        let message = error.to_string();
-        let mut causes = Vec::new();
-        let mut cause = error.source();
-        while let Some(source) = cause {
-            let text = source.to_string();
-            if !message.contains(&text) {
-                causes.push(text);
-            }
-            cause = source.source();
-        }
-        eprintln!("error: {message}");
+        let (message, causes) = said(error);
+        to_stderr(&format!("error: {message}"));
         for cause in &causes {
-            eprintln!("  because: {cause}");
+            to_stderr(&format!("  because: {cause}"));
         }
-        let fields =
-            json!({ "kind": error.kind(), "exit_code": error.exit_code(), "message": message, "causes": causes });
+        if let Some(cure) = error.cure() {
+            to_stderr(&format!("  help: {cure}"));
+        }
+        self.error_event(error);
+    }
+
+    /// An event `error` for machines.
+    pub(crate) fn error_event(&mut self, error: &CliError) {
+        let (message, causes) = said(error);
+        let fields = json!({
+            "kind": error.kind(), "exit_code": error.exit_code(), "message": message, "causes": causes, "help": error.cure(),
+        });
         self.event("error", fields);
     }
+}
+
+/// The message of an error, and those of its causes that it does not repeat.
+fn said(error: &CliError) -> (String, Vec<String>) {
+    let message = error.to_string();
+    let mut causes = Vec::new();
+    let mut cause = error.source();
+    while let Some(source) = cause {
+        let text = source.to_string();
+        if !message.contains(&text) {
+            causes.push(text);
+        }
+        cause = source.source();
+    }
+    (message, causes)
+}
+
+/// A line on standard error.
+pub(crate) fn to_stderr(line: &str) {
+    // Whoever closed it, or let its disk run full, does not want to hear of that.
+    let _ = writeln!(std::io::stderr().lock(), "{}", text::plain(line));
 }
 
 /// Prints the result of a command: text for people, or one JSON value.
 pub(crate) fn print(text: &str) -> Result<(), CliError> {
     let mut out = std::io::stdout().lock();
-    match writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+    match writeln!(out, "{}", text::plain(text.trim_end())).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         other => other.map_err(CliError::Stdout),
     }
 }

@@ -1,15 +1,66 @@
-//! One file a command.
+//! The command line: one file per command, and the choice among them.
 
 pub(crate) mod bench;
+pub(crate) mod completions;
 pub(crate) mod devices;
 pub(crate) mod plan;
 pub(crate) mod query;
 pub(crate) mod reconstruct;
 pub(crate) mod weights;
 
-use crate::args::Command;
-use crate::error::CliError;
+use clap::{CommandFactory as _, Parser, Subcommand};
+
+use crate::error::{CliError, EXIT_CODES};
 use crate::ui::Ui;
+
+/// Any-view, any-time reconstruction on any GPU: depth, cameras and moving points from images and videos of a scene.
+#[derive(Debug, Parser)]
+#[command(name = "omnix", version, after_help = EXIT_CODES, arg_required_else_help = true)]
+pub(crate) struct Cli {
+    /// Say nothing but errors.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// Say more: the plan of a run, and what the libraries log.
+    #[arg(short, long, global = true)]
+    pub(crate) verbose: bool,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Depth, cameras and moving points of images, folders and videos, written to a folder.
+    Reconstruct(reconstruct::ReconstructArgs),
+    /// Paths of points from a saved field: of one image, the pixels and times asked for.
+    Query(query::QueryArgs),
+    /// What a run would take: memory, operations, chunks and files. Needs no GPU.
+    Plan(plan::PlanArgs),
+    /// The devices of this machine: which will do, which not, and why.
+    Devices(devices::DevicesArgs),
+    /// Looks into checkpoints.
+    #[command(subcommand)]
+    Weights(weights::WeightsCommand),
+    /// Completions of commands and options for a shell, on standard output.
+    Completions(completions::CompletionsArgs),
+    /// Times the kernels and the small network, beside what the device can do at best.
+    Bench(bench::BenchArgs),
+}
+
+impl Command {
+    /// Whether machines listen.
+    pub(crate) fn json(&self) -> bool {
+        match self {
+            Self::Reconstruct(args) => args.run.json,
+            Self::Query(args) => args.json,
+            Self::Plan(args) => args.run.json,
+            Self::Devices(args) => args.json,
+            Self::Weights(command) => command.json(),
+            Self::Completions(_) => false,
+            Self::Bench(args) => args.json,
+        }
+    }
+}
 
 /// Runs a command.
 pub(crate) fn run(command: Command, ui: &mut Ui) -> Result<(), CliError> {
@@ -19,6 +70,17 @@ pub(crate) fn run(command: Command, ui: &mut Ui) -> Result<(), CliError> {
         Command::Plan(args) => plan::run(&args, ui),
         Command::Devices(args) => devices::run(&args, ui),
         Command::Weights(command) => weights::run(&command, ui),
+        Command::Completions(args) => completions::run(&args, Cli::command()),
         Command::Bench(args) => bench::run(&args, ui),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
     }
 }

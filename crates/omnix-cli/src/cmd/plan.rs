@@ -1,5 +1,7 @@
 //! `omnix plan`: what a run would take. Needs no device.
 
+use std::path::PathBuf;
+
 use clap::{Args, ValueEnum};
 use omnix::{Caps, RunPlan, Tier, Weights};
 use serde_json::json;
@@ -16,16 +18,22 @@ use crate::ui::{self, Ui};
 pub(crate) struct PlanArgs {
     /// Pictures, folders, patterns and videos, as for `reconstruct`.
     #[arg(value_name = "INPUT", required_unless_present = "images")]
-    inputs: Vec<String>,
+    inputs: Vec<PathBuf>,
     /// Plan for N pictures of --size instead of files.
-    #[arg(long, value_name = "N", requires = "size", conflicts_with = "inputs")]
-    images: Option<usize>,
+    #[arg(
+        long, value_name = "N", requires = "size", conflicts_with = "inputs", allow_negative_numbers = true,
+        value_parser = clap::value_parser!(u32).range(1..=MOST_IMAGES)
+    )]
+    images: Option<u32>,
     /// Plan for this kind of device; with --device for that very device.
     #[arg(long, value_name = "CLASS", default_value = "lavapipe", conflicts_with_all = ["device", "experimental"], help_heading = "Device")]
     device_class: DeviceClass,
     #[command(flatten)]
     pub(crate) run: RunArgs,
 }
+
+/// More images than any run has.
+const MOST_IMAGES: i64 = 1 << 20;
 
 /// Kinds of devices to plan for.
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -55,30 +63,34 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
     } else {
         args.device_class.caps()
     };
-    let (plan, weights, exports) = if let (Some(images), Some((width, height))) = (args.images, args.run.size) {
+    let (plan, weights, exports, size) = if let (Some(images), Some((width, height))) = (args.images, args.run.size) {
         let weights = Weights::find(&args.run.weights)?;
-        let mut request = job::request(&args.run, images, width, height);
+        let mut request = job::request(&args.run, images as usize, width, height);
         let exports = job::chosen_exports(&args.run, &weights, &mut request)?;
-        (RunPlan::new(&weights, &request, &caps)?, weights, exports)
+        let plan = RunPlan::new(&weights, &request, &caps)?;
+        let size = job::size(&request, 1, &args.run, Some(&plan));
+        (plan, weights, exports, size)
     } else {
         let mut job = Job::new(&args.inputs, &args.run, ui)?;
         // Only what was asked for bounds a plan; the machine's free memory is the business of a run.
-        (job.plan(&args.run, &caps, false)?, job.weights, job.exports)
+        let plan = job.plan(&args.run, &caps, false)?;
+        let size = job.size(&args.run, &plan);
+        (plan, job.weights, job.exports, size)
     };
     if ui.json() {
-        ui.event("plan", job::plan_event(&plan, &weights, &exports, &args.run, caps.tier, args.run.memory_budget));
+        ui.event("plan", job::plan_event(&plan, &weights, &exports, &size, caps.tier, args.run.memory_budget));
         ui.event("done", json!({}));
         return Ok(());
     }
     let network = &weights.network().config().name;
-    let files = job::files_of(&exports, plan.request.images).join(", ");
+    let files = job::files_of(&exports, &size).join(", ");
     let seconds = job::seconds(plan.flops(), caps.tier);
     let guess = match seconds {
         s if s < 120.0 => format!("{:.0} s", s.ceil()),
         s if s < 7200.0 => format!("{:.0} min", s / 60.0),
         s => format!("{:.0} h", s / 3600.0),
     };
-    let process = memory::process(&plan, &exports, &args.run, caps.tier).map_or_else(String::new, |bytes| {
+    let process = memory::process(&plan, &exports, &size, caps.tier).map_or_else(String::new, |bytes| {
         let bytes = bytes::show(bytes);
         format!("process about {bytes} on a software device: that memory, the program, the driver and the files\n")
     });

@@ -5,24 +5,28 @@
 //! a run ends, the exports of what was finished are completed and `manifest.json` says how far it came. Motion comes last:
 //! when it begins, everything about geometry has been written.
 
+mod geometry;
 mod manifest;
 mod motion;
+mod state;
 
 use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use omnix::geometry::{RayMaps, cameras_from_rays, sample_table};
-use omnix::io::preprocess::{exported_picture, normalise};
-use omnix::io::{FrameLoader, FrameResult, Picture, RunSummary, Sink, SinkOptions, open_sinks, write_manifest};
-use omnix::{Camera, DeviceInfo, Engine, Event, Field, FieldPlace, OmnixError, Phase, RunPlan, Session, Tier};
+use omnix::io::output::OutputFolder;
+use omnix::io::output::manifest::path_text;
+use omnix::io::preprocess::normalise;
+use omnix::io::{Export, SinkOptions, open_sinks, write_manifest};
+use omnix::{DeviceInfo, Engine, Event, FieldPlace, OmnixError, RunPlan, Session, Tier};
 use serde_json::{Map, Value, json};
 
 use crate::args::{OutArgs, RunArgs};
 use crate::error::CliError;
 use crate::job::{self, Job};
 use crate::ui::Ui;
-use crate::{bytes, disk, stop};
+use crate::{bytes, disk, folder, stop, text, threads};
+use state::Run;
 
 /// Arguments of `omnix reconstruct`.
 #[derive(Debug, Args)]
@@ -31,43 +35,30 @@ pub(crate) struct ReconstructArgs {
     /// Pictures (png, jpg, webp, bmp), folders of pictures (one video for each sub-folder), patterns such as 'a/*.jpg', and
     /// videos. Each is a video with its own frame times; all are reconstructed together.
     #[arg(value_name = "INPUT", required = true)]
-    inputs: Vec<String>,
+    inputs: Vec<PathBuf>,
     #[command(flatten)]
     out: OutArgs,
     #[command(flatten)]
     pub(crate) run: RunArgs,
 }
 
-/// Where a run stands; survives its failure.
-struct Run<'a> {
-    job: &'a Job,
-    args: &'a ReconstructArgs,
-    info: DeviceInfo,
-    /// Bytes on the device at most, as planned.
-    planned: u64,
-    sinks: Vec<Box<dyn Sink>>,
-    finished: usize,
-    /// What the exports show, where it is not the camera decoder's.
-    cameras: Vec<Camera>,
-    /// Files that were written.
-    files: Vec<PathBuf>,
-    /// What the manifest says of motion.
-    motion: Value,
-    timings: Map<String, Value>,
-}
-
 /// Runs from the inputs to the manifest.
 pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     let since = Instant::now();
-    stop::listen();
+    stop::keep_results();
     let mut job = Job::new(&args.inputs, &args.run, ui)?;
+    if let Some(note) = folder::check(&args.out.out, &job.input)? {
+        ui.note(&format!("note: {note}"));
+    }
     // The weights are verified, which gives the digest for the manifest too, while the driver starts and processors are idle.
     // Without a thread that is done when the session is made.
     let weights = job.weights.clone();
     let verify = move || {
         weights.checkpoint().verify(&mut |_, _| stop::flow());
     };
-    let _ = std::thread::Builder::new().name("verify".to_owned()).spawn(verify);
+    if !threads::alone() {
+        let _ = std::thread::Builder::new().name("verify".to_owned()).spawn(verify);
+    }
     let engine = args.run.device.open()?;
     let info = engine.info();
     let cpu = engine.gpu().device.adapter_info().device_type == omnix::wgpu::DeviceType::Cpu;
@@ -75,14 +66,23 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     job.request.field = FieldPlace::AutoIn(args.out.out.clone());
     let plan = job.plan(&args.run, engine.caps(), cpu)?;
     job.check_work(&plan, &args.run, engine.caps().tier)?;
+    if cpu {
+        disk::check_device_memory(&plan)?;
+    }
     let software = engine.why_software(args.run.device.device.as_deref());
     announce(&job, &plan, args, &info, engine.caps().tier, software.as_deref(), ui);
     let options = sink_options(&args.run);
+    let folder = OutputFolder::open(&args.out.out)?;
     let sinks = open_sinks(&job.exports, &args.out.out, &options)?;
-    disk::check(&args.out.out, disk::wanted(&job, &args.run, &plan))?;
+    disk::check(&args.out.out, disk::wanted(&job.exports, &job.size(&args.run, &plan), &plan))?;
     let mut run = Run {
         job: &job,
-        args,
+        inputs: &args.inputs,
+        dir: &args.out.out,
+        folder,
+        begun: false,
+        earlier: Vec::new(),
+        args: &args.run,
         info,
         planned: plan.peak_bytes(),
         sinks,
@@ -124,11 +124,13 @@ fn announce(
     software: Option<&str>,
     ui: &mut Ui,
 ) {
-    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, &args.run, tier, job.request.budget));
+    let size = job.size(&args.run, plan);
+    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, &size, tier, job.request.budget));
     let mut device = serde_json::to_value(info).unwrap_or_default();
     device["software"] = json!(software);
     ui.event("device", device);
     let software = software.map_or_else(String::new, |why| format!(", a software device: {why}"));
+    ui.detail(&job::describe(plan));
     let network = &job.weights.network().config().name;
     ui.say(&format!(
         "{} image(s) of {}x{}, {network} with {} weights on {} ({}{software}), {} of memory, {:.1} GFLOP",
@@ -172,6 +174,9 @@ impl Run<'_> {
     /// Decodes, uploads, runs, feeds the sinks, and exports what moves.
     fn work(&mut self, engine: &Engine, plan: RunPlan, unit: &str, ui: &mut Ui) -> Result<(), CliError> {
         let pictures = self.read(ui)?;
+        // Until now the folder held the results of an earlier run.
+        self.folder.begin()?;
+        self.begun = true;
         let request = &self.job.request;
         ui.begin("weights", "reading weights, compiling kernels");
         let mut session = Session::new(engine, &self.job.weights, plan, &mut |event| {
@@ -199,178 +204,57 @@ impl Run<'_> {
         }
     }
 
-    /// Every picture at the network's size, 8 bits a channel.
-    fn read(&mut self, ui: &mut Ui) -> Result<Vec<Picture>, CliError> {
-        let input = &self.job.input;
-        let total = input.frames.len();
-        ui.begin("read", &format!("reading {total} image(s)"));
-        let mut loader = FrameLoader::new(input);
-        let mut pictures = Vec::with_capacity(total);
-        for index in 0..total {
-            if stop::asked() {
-                return Err(OmnixError::Interrupted.into());
-            }
-            pictures.push(self.job.preparation.apply(&loader.load(index)?)?);
-            ui.progress(index as u64 + 1, total as u64);
-        }
-        self.timings.insert("read".to_owned(), json!(ui.end()));
-        Ok(pictures)
-    }
-
-    /// The network, and each image's results into the sinks.
-    fn network(&mut self, session: &mut Session, pictures: &[Picture], ui: &mut Ui) -> Result<Option<Field>, CliError> {
-        let since = Instant::now();
-        let request = &self.job.request;
-        let (gh, gw) = request.grid();
-        let rays_size = [8 * gh, 8 * gw];
-        let table = request.rays.then(|| sample_table(rays_size[0] * rays_size[1]));
-        let image = [request.height as u32, request.width as u32];
-        let (frames, sinks, finished) = (&self.job.input.frames, &mut self.sinks, &mut self.finished);
-        let (cameras, timings) = (&mut self.cameras, &mut self.timings);
-        let mut phase = None;
-        let mut field = None;
-        let outcome = session.run(&mut |event| {
-            let geometry = match event {
-                Event::Progress(p) => {
-                    if phase.replace(p.phase) != Some(p.phase) {
-                        let (name, text) = said(p.phase);
-                        begin(timings, ui, name, text);
-                    }
-                    ui.progress(p.done, p.total);
-                    return stop::answer();
-                }
-                Event::Frame(geometry) => geometry,
-                Event::Field(made) => {
-                    field = Some(*made);
-                    return Ok(());
-                }
-                _ => return Ok(()),
-            };
-            let index = geometry.index;
-            let camera = match (&geometry.rays, &table) {
-                (Some((rays, confidence)), Some(table)) => {
-                    camera_of_rays(&RayMaps { rays, confidence, size: rays_size }, image, table)?
-                }
-                _ => geometry.camera,
-            };
-            let rgb = exported_picture(&pictures[index]);
-            let frame = &frames[index];
-            let result = FrameResult {
-                index,
-                video: frame.video,
-                frame: frame.frame,
-                time_s: frame.time_s,
-                width: image[1],
-                height: image[0],
-                depth: &geometry.depth,
-                confidence: Some(&geometry.confidence),
-                rgb: &rgb.data,
-                extrinsics: Some(camera.extrinsics),
-                intrinsics: Some(camera.intrinsics),
-                sky: None,
-            };
-            for sink in sinks.iter_mut() {
-                sink.frame(&result)?;
-            }
-            cameras.push(camera);
-            *finished = index + 1;
-            let (min, max) = range(&geometry.depth);
-            let fields = json!({
-                "index": index, "video": frame.video, "frame": frame.frame, "time_s": frame.time_s,
-                "depth_min": min, "depth_max": max, "seconds": since.elapsed().as_secs_f64(),
-            });
-            ui.event("frame", fields);
-            Ok(())
-        });
-        begin(timings, ui, "", "");
-        outcome?;
-        Ok(field)
-    }
-
-    /// Completes the sinks' files; on failure tries all of it and returns the first error.
-    fn close_sinks(&mut self, interrupted: bool) -> Result<(), CliError> {
-        let mut failed = None;
-        for sink in std::mem::take(&mut self.sinks) {
-            match sink.finish(&RunSummary { interrupted }) {
-                Ok(written) => self.files.extend(written),
-                Err(error) => failed = failed.or(Some(error)),
-            }
-        }
-        failed.map_or(Ok(()), |error| Err(error.into()))
-    }
-
-    /// Completes what is open and writes the manifest.
+    /// Completes what is open, writes the manifest, and looks whether everything is there. A run that was broken off before it
+    /// had read its pictures leaves the folder as it was.
     fn finish(&mut self, broken_off: bool, unit: &str) -> Result<Vec<PathBuf>, CliError> {
+        if !self.begun {
+            return Ok(Vec::new());
+        }
         let interrupted = broken_off || self.finished < self.job.request.images;
         let closed = self.close_sinks(interrupted);
         // A glb of what moves replaces the still one under its name.
         let mut files = std::mem::take(&mut self.files);
         let mut seen = std::collections::BTreeSet::new();
-        files.retain(|file| seen.insert(file.clone()));
-        let manifest = self.manifest(files, interrupted || closed.is_err(), unit);
-        let written = write_manifest(&self.args.out.out, &manifest);
+        files.reverse();
+        files.retain(|file| seen.insert(file.path.clone()));
+        files.reverse();
+        let written: Vec<PathBuf> = files.iter().map(|file| file.path.clone()).collect();
+        self.earlier = self.folder.of_earlier_runs(&written);
+        // Whatever happened to the folder, the manifest names what is there.
+        let gone = self.folder.check(written.iter().map(PathBuf::as_path));
+        files.retain(|file| gone.is_ok() || file.path.is_file());
+        let manifest = self.manifest(files, interrupted || closed.is_err() || gone.is_err(), unit);
+        let written = write_manifest(self.dir, &manifest);
         closed?;
-        let mut files = manifest.files;
+        gone?;
+        let mut files: Vec<PathBuf> = manifest.files.into_iter().map(|file| file.path).collect();
         files.push(written?);
         Ok(files)
     }
 }
 
-/// What people read of a phase, and its name for machines.
-fn said(phase: Phase) -> (&'static str, &'static str) {
-    match phase {
-        Phase::Weights => ("weights", "reading weights"),
-        Phase::Backbone => ("backbone", "network over all images"),
-        Phase::Head => ("head", "depth, image by image"),
-        Phase::Motion => ("motion", "what moves, over all images"),
-        Phase::Sampling => ("sampling", "how each pixel moves, image by image"),
-        _ => ("other", "working"),
-    }
-}
-
-/// Ends the phase that runs, adds its seconds to its name's, and begins `name`, unless that is empty.
-fn begin(timings: &mut Map<String, Value>, ui: &mut Ui, name: &'static str, text: &str) {
-    if let Some(before) = ui.phase() {
-        let seconds = timings.get(before).and_then(Value::as_f64).unwrap_or(0.0) + ui.end();
-        timings.insert(before.to_owned(), json!(seconds));
-    }
-    if !name.is_empty() {
-        ui.begin(name, text);
-    }
-}
-
-/// The camera of one image from its rays.
-fn camera_of_rays(maps: &RayMaps<'_>, image: [u32; 2], table: &[[u32; 8]]) -> Result<Camera, OmnixError> {
-    let cameras = cameras_from_rays(maps, image, Some(table))?;
-    let none = || OmnixError::Request { reason: "BUG: no camera for a ray map".to_owned() };
-    cameras.first().map(|c| c.camera).ok_or_else(none)
-}
-
-/// Least and greatest depth.
-fn range(depth: &[f32]) -> (f32, f32) {
-    depth.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), d| (a.min(*d), b.max(*d)))
-}
-
-/// Folders with a file for every image.
-const MANY: [&str; 6] = ["depth", "depth_color", "masks", "theta", "tracks", "st4rtrack"];
-
 /// The end of a successful run.
 fn report(run: &Run<'_>, files: &[PathBuf], since: Instant, ui: &mut Ui) {
-    let dir = &run.args.out.out;
+    let dir = run.dir;
     let seconds = since.elapsed().as_secs_f64();
     let note = run.job.weights.note();
+    if let Some(earlier) = run.earlier_note() {
+        ui.note(&format!("note: {earlier}"));
+    }
     ui.event(
         "done",
         json!({
-            "dir": dir, "files": files, "manifest": dir.join("manifest.json"), "images": run.finished,
+            "dir": path_text(dir), "files": files.iter().map(|f| path_text(f)).collect::<Vec<_>>(),
+            "manifest": path_text(&dir.join("manifest.json")), "images": run.finished,
             "interrupted": false, "timings_s": run.timings, "note": note,
         }),
     );
     // Hundreds of pictures are one line.
+    let many = Export::folders_of_many();
     let mut shown: Vec<String> = Vec::new();
     for file in files {
         let inside = file.strip_prefix(dir).unwrap_or(file);
-        let folder = inside.parent().filter(|p| MANY.iter().any(|many| p.ends_with(many)));
+        let folder = inside.parent().filter(|p| many.contains(p));
         let line = folder.map_or_else(|| file.display().to_string(), |f| dir.join(f).join("").display().to_string());
         if !shown.contains(&line) {
             shown.push(line);
@@ -378,9 +262,12 @@ fn report(run: &Run<'_>, files: &[PathBuf], since: Instant, ui: &mut Ui) {
     }
     ui.say(&format!("{} image(s) in {seconds:.1} s:", run.finished));
     for line in shown {
-        ui.say(&format!("  {line}"));
+        ui.say(&format!("  {}", text::name(&line)));
     }
-    if let Some(note) = note {
-        ui.say(&format!("note: {note}"));
+    if note.is_some() {
+        let name = run.job.weights.checkpoint().name();
+        ui.say(&format!(
+            "note: {name} is a small stand-in: it shows that everything works, not how well (manifest.json says more)"
+        ));
     }
 }

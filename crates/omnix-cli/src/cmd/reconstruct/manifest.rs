@@ -1,23 +1,23 @@
 //! The manifest of a run, also of one that was broken off.
 
-use std::path::PathBuf;
-
-use omnix::io::output::manifest::{Manifest, ManifestFrame, Weights as ManifestWeights};
+use omnix::io::output::manifest::{Manifest, ManifestFrame, Weights as ManifestWeights, WrittenFile, path_text};
+use omnix::model::config::{NetworkConfig, PointsFrom};
 use serde_json::{Map, Value, json};
 
-use super::Run;
+use super::state::Run;
 use crate::{job, memory};
 
 impl Run<'_> {
     /// What the run was.
-    pub(super) fn manifest(&self, files: Vec<PathBuf>, interrupted: bool, unit: &str) -> Manifest {
-        let (job, args) = (self.job, &self.args.run);
+    pub(super) fn manifest(&self, files: Vec<WrittenFile>, interrupted: bool, unit: &str) -> Manifest {
+        let (job, args) = (self.job, self.args);
         let (checkpoint, config) = (job.weights.checkpoint(), job.weights.network().config());
         let exports: Vec<&str> = job.exports.iter().map(|e| e.name()).collect();
         let mut versions = Map::new();
         versions.insert("omnix".to_owned(), env!("CARGO_PKG_VERSION").into());
         versions.insert("driver".to_owned(), self.info.driver.clone().into());
-        let notes = job.input.notes.iter().cloned().chain(job.weights.note().map(str::to_owned));
+        let notes =
+            job.input.notes.iter().cloned().chain(job.weights.note().map(str::to_owned)).chain(self.earlier_note());
         Manifest {
             network: config.name.clone(),
             weights: ManifestWeights {
@@ -28,7 +28,7 @@ impl Run<'_> {
             device: serde_json::to_value(&self.info).unwrap_or_default(),
             unit: unit.to_owned(),
             settings: json!({
-                "inputs": self.args.inputs,
+                "inputs": self.inputs.iter().map(|input| path_text(input)).collect::<Vec<_>>(),
                 "frames": args.frames,
                 "fps": args.fps,
                 "preparation": job.preparation.settings(),
@@ -50,7 +50,16 @@ impl Run<'_> {
             frames: ManifestFrame::of_plan(&job.input, job.preparation.size(), self.finished),
             notes: notes.chain(config.left_out.iter().map(|l| l.note().to_owned())).collect(),
             files,
+            network_points: network_points(config).to_owned(),
             interrupted,
         }
+    }
+}
+
+/// Where trajectories start, in the words of the manifest.
+pub(super) fn network_points(config: &NetworkConfig) -> &'static str {
+    match config.points {
+        PointsFrom::Rays => "ray maps",
+        PointsFrom::Camera => "depth and camera",
     }
 }

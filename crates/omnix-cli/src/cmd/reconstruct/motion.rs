@@ -1,13 +1,15 @@
 //! Exports of what moves, from the field of a run. Each file has its name only when whole, so that Ctrl-C between two of
 //! them, or inside one, leaves what was finished.
 
-use omnix::io::output::html::HtmlOptions;
-use omnix::io::output::{GlbMotionOptions, MotionInput, MotionOptions, MotionStream, write_motion};
+use std::path::PathBuf;
+
+use omnix::io::output::{GlbMotionOptions, HtmlOptions, MotionInput, MotionOptions, MotionStream, write_motion};
 use omnix::io::{Export, Picture, preprocess::exported_picture};
 use omnix::{Field, OmnixError};
 use serde_json::json;
 
-use super::{Run, begin};
+use super::manifest::network_points;
+use super::state::{Run, begin};
 use crate::error::CliError;
 use crate::stop;
 use crate::ui::Ui;
@@ -28,14 +30,14 @@ impl Run<'_> {
     ) -> Result<(), CliError> {
         begin(&mut self.timings, ui, "exports", "following points, writing what moves");
         self.describe(&mut field, pictures, unit)?;
-        let dir = &self.args.out.out;
-        let dense = self.args.run.all_tracks;
+        let dir = self.dir;
+        let dense = self.args.all_tracks;
         let (by_image, by_point): (Vec<Export>, Vec<Export>) = self
             .job
             .exports
             .iter()
             .filter(|e| e.motion_input().is_some())
-            .partition(|e| e.motion_input() == Some(MotionInput::Images) || (dense && **e == Export::Tracks));
+            .partition(|e| e.motion_input_of(dense) == Some(MotionInput::Images));
         let images = field.shape().images;
         let mut done = 0;
         let steps = (usize::from(!by_image.is_empty()) + usize::from(!by_point.is_empty())) * images;
@@ -45,7 +47,8 @@ impl Run<'_> {
             if stop::asked() { Err(OmnixError::Interrupted) } else { Ok(()) }
         };
         if self.job.exports.contains(&Export::Field) {
-            self.files.push(field.save(&dir.join("field.safetensors"), self.args.run.field_type.into())?);
+            let saved = field.save(&dir.join("field.safetensors"), self.args.field_type.into())?;
+            self.wrote([saved], true);
         }
         let mut stream = MotionStream::open(&by_image, field.views()?, dir)?;
         if !stream.is_empty() {
@@ -54,15 +57,16 @@ impl Run<'_> {
                 stream.image(&field.image_motion(image, stream.wants_trajectory(image))?.as_source())?;
             }
         }
-        self.files.extend(stream.finish());
+        self.wrote(stream.finish(), true);
         if !by_point.is_empty() {
-            let budget = self.args.run.followed() as usize;
+            let budget = self.args.followed() as usize;
             let points = field.choose(budget, SEED, &mut |_| step(ui))?;
             for export in by_point {
                 if stop::asked() {
                     return Err(OmnixError::Interrupted.into());
                 }
-                self.files.extend(write_motion(&[export], &points, dir, &self.options(unit))?);
+                let written = write_motion(&[export], &points, dir, &self.options(unit))?;
+                self.wrote(written, true);
             }
         }
         begin(&mut self.timings, ui, "", "");
@@ -90,7 +94,8 @@ impl Run<'_> {
         self.motion = json!({
             "target_times": shape.images, "levels": shape.levels, "sampling_points": shape.points, "grid": shape.grid,
             "gate": format!("{:?}", field.motion().gate), "relative_to_own_time": field.motion().relative,
-            "moving_pixels": shares, "positions": "world of the extrinsics", "unit": unit,
+            "moving_pixels": shares, "positions": "world of the extrinsics",
+            "points_from": network_points(self.job.weights.network().config()), "unit": unit,
         });
         Ok(())
     }
@@ -100,16 +105,11 @@ impl Run<'_> {
         MotionOptions {
             fps: rate(self.job),
             glb: GlbMotionOptions {
-                max_points: self.args.run.followed() as usize,
+                max_points: self.args.followed() as usize,
                 unit: unit.to_owned(),
                 ..GlbMotionOptions::default()
             },
-            html: HtmlOptions {
-                title: format!("omnix: {}", self.args.inputs.join(", ")),
-                notes,
-                unit: unit.to_owned(),
-                ..HtmlOptions::default()
-            },
+            html: HtmlOptions { title: title(self.inputs), notes, unit: unit.to_owned(), ..HtmlOptions::default() },
             ..MotionOptions::default()
         }
     }
@@ -121,4 +121,25 @@ fn rate(job: &crate::job::Job) -> f64 {
     let gaps = frames.windows(2).filter(|w| w[0].video == w[1].video);
     let gap = gaps.filter_map(|w| Some(w[1].time_s? - w[0].time_s?)).find(|gap| *gap > 0.0);
     gap.map_or(RATE, |gap| (1.0 / gap).clamp(2.0, 60.0))
+}
+
+/// Names of the inputs, without the folders they are in: the page may be shown to others.
+fn title(inputs: &[PathBuf]) -> String {
+    let name = |input: &PathBuf| {
+        let path = std::path::absolute(input).unwrap_or_else(|_| input.clone());
+        path.file_name().map_or_else(|| "scene".to_owned(), |name| name.to_string_lossy().into_owned())
+    };
+    format!("omnix: {}", inputs.iter().map(name).collect::<Vec<_>>().join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{PathBuf, title};
+
+    #[test]
+    fn titles_name_no_folders() {
+        let inputs = ["/home/ada/private/clip.mp4", "photos/trip/", "a/*.jpg"].map(PathBuf::from);
+        assert_eq!(title(&inputs), "omnix: clip.mp4, trip, *.jpg");
+        assert!(!title(&[PathBuf::from("..")]).contains('/'));
+    }
 }

@@ -1,0 +1,133 @@
+//! The first part of a run: pictures to the network's size, the network, and each image's depth and camera into the sinks.
+
+use std::time::Instant;
+
+use omnix::geometry::{RayMaps, cameras_from_rays, sample_table};
+use omnix::io::preprocess::exported_picture;
+use omnix::io::{FrameLoader, FrameResult, Picture};
+use omnix::{Camera, Event, Field, OmnixError, Phase, Session};
+use serde_json::json;
+
+use super::state::{Run, begin};
+use crate::error::CliError;
+use crate::stop;
+use crate::ui::Ui;
+
+impl Run<'_> {
+    /// Every picture at the network's size, 8 bits a channel.
+    pub(super) fn read(&mut self, ui: &mut Ui) -> Result<Vec<Picture>, CliError> {
+        let input = &self.job.input;
+        let total = input.frames.len();
+        ui.begin("read", &format!("reading {total} image(s)"));
+        let mut loader = FrameLoader::new(input);
+        let mut pictures = Vec::with_capacity(total);
+        for index in 0..total {
+            if stop::asked() {
+                return Err(OmnixError::Interrupted.into());
+            }
+            pictures.push(self.job.preparation.apply(&loader.load(index)?)?);
+            ui.progress(index as u64 + 1, total as u64);
+        }
+        self.timings.insert("read".to_owned(), json!(ui.end()));
+        Ok(pictures)
+    }
+
+    /// The network, and each image's results into the sinks.
+    pub(super) fn network(
+        &mut self,
+        session: &mut Session,
+        pictures: &[Picture],
+        ui: &mut Ui,
+    ) -> Result<Option<Field>, CliError> {
+        let since = Instant::now();
+        let request = &self.job.request;
+        let (gh, gw) = request.grid();
+        let rays_size = [8 * gh, 8 * gw];
+        let table = request.rays.then(|| sample_table(rays_size[0] * rays_size[1]));
+        let image = [request.height as u32, request.width as u32];
+        let (frames, sinks, finished) = (&self.job.input.frames, &mut self.sinks, &mut self.finished);
+        let (cameras, timings) = (&mut self.cameras, &mut self.timings);
+        let mut phase = None;
+        let mut field = None;
+        let outcome = session.run(&mut |event| {
+            let geometry = match event {
+                Event::Progress(p) => {
+                    if phase.replace(p.phase) != Some(p.phase) {
+                        let (name, text) = said(p.phase);
+                        begin(timings, ui, name, text);
+                    }
+                    ui.progress(p.done, p.total);
+                    return stop::answer();
+                }
+                Event::Frame(geometry) => geometry,
+                Event::Field(made) => {
+                    field = Some(*made);
+                    return Ok(());
+                }
+                _ => return Ok(()),
+            };
+            let index = geometry.index;
+            let camera = match (&geometry.rays, &table) {
+                (Some((rays, confidence)), Some(table)) => {
+                    camera_of_rays(&RayMaps { rays, confidence, size: rays_size }, image, table)?
+                }
+                _ => geometry.camera,
+            };
+            let rgb = exported_picture(&pictures[index]);
+            let frame = &frames[index];
+            let result = FrameResult {
+                index,
+                video: frame.video,
+                frame: frame.frame,
+                time_s: frame.time_s,
+                width: image[1],
+                height: image[0],
+                depth: &geometry.depth,
+                confidence: Some(&geometry.confidence),
+                rgb: &rgb.data,
+                extrinsics: Some(camera.extrinsics),
+                intrinsics: Some(camera.intrinsics),
+                sky: None,
+            };
+            for sink in sinks.iter_mut() {
+                sink.frame(&result)?;
+            }
+            cameras.push(camera);
+            *finished = index + 1;
+            let (min, max) = range(&geometry.depth);
+            let fields = json!({
+                "index": index, "video": frame.video, "frame": frame.frame, "time_s": frame.time_s,
+                "depth_min": min, "depth_max": max, "seconds": since.elapsed().as_secs_f64(),
+            });
+            ui.event("frame", fields);
+            Ok(())
+        });
+        begin(timings, ui, "", "");
+        outcome?;
+        Ok(field)
+    }
+}
+
+/// What people read of a phase, and its name for machines.
+fn said(phase: Phase) -> (&'static str, &'static str) {
+    match phase {
+        Phase::Weights => ("weights", "reading weights"),
+        Phase::Backbone => ("backbone", "network over all images"),
+        Phase::Head => ("head", "depth, image by image"),
+        Phase::Motion => ("motion", "what moves, over all images"),
+        Phase::Sampling => ("sampling", "how each pixel moves, image by image"),
+        _ => ("other", "working"),
+    }
+}
+
+/// The camera of one image from its rays.
+fn camera_of_rays(maps: &RayMaps<'_>, image: [u32; 2], table: &[[u32; 8]]) -> Result<Camera, OmnixError> {
+    let cameras = cameras_from_rays(maps, image, Some(table))?;
+    let none = || OmnixError::Request { reason: "BUG: no camera for a ray map".to_owned() };
+    cameras.first().map(|c| c.camera).ok_or_else(none)
+}
+
+/// Least and greatest depth.
+fn range(depth: &[f32]) -> (f32, f32) {
+    depth.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), d| (a.min(*d), b.max(*d)))
+}
