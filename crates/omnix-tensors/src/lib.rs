@@ -28,7 +28,7 @@ pub use dtype::{Dtype, Float};
 pub use error::TensorError;
 pub use file::{Piece, TensorFile};
 pub use info::TensorInfo;
-pub use plain::{open_plain, read_text};
+pub use plain::read_text;
 pub use reader::TensorReader;
 pub use rows::scattered;
 pub use view::TensorView;

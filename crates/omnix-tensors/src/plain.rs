@@ -10,7 +10,7 @@ use crate::TensorError;
 ///
 /// # Errors
 /// [`TensorError::NotPlain`] for a folder, a pipe, a socket or a device, which is not opened; [`TensorError::Io`] otherwise.
-pub fn open_plain(path: &Path) -> Result<(File, u64), TensorError> {
+pub(crate) fn open_plain(path: &Path) -> Result<(File, u64), TensorError> {
     let refused = |e: io::Error| TensorError::io("open the file", path, e);
     // Before it is opened: to open a pipe that nobody writes to waits for ever.
     check(std::fs::metadata(path).map_err(refused)?.file_type(), path)?;
@@ -31,7 +31,7 @@ fn check(kind: FileType, path: &Path) -> Result<(), TensorError> {
 /// Reads a whole text file of at most `limit` bytes, without the byte-order mark that some editors put in front.
 ///
 /// # Errors
-/// As [`open_plain`]; an error of kind `InvalidData` when the file is longer or is not UTF-8 text.
+/// [`TensorError::NotPlain`] and [`TensorError::Io`]; an error of kind `InvalidData` when the file is longer or is not UTF-8 text.
 pub fn read_text(path: &Path, limit: u64) -> Result<String, TensorError> {
     use std::io::Read as _;
 

@@ -7,8 +7,10 @@
 //! ([`Field::save`], whose module documents the file).
 
 mod choice;
+mod chunk;
 mod evaluate;
 mod maps;
+mod query;
 mod saved;
 mod shape;
 mod store;
@@ -19,9 +21,10 @@ use omnix_graph::ops::{Gate, Motion};
 use omnix_kernels::Gpu;
 
 pub use choice::ImageMotion;
-pub use evaluate::{Chunk, PathPiece, Paths, Pixels, Query, ResidentPaths};
-pub(crate) use evaluate::{fit, least};
+pub use chunk::Chunk;
+pub(crate) use chunk::{fit, least};
 pub(crate) use maps::{ImageMaps, Maps};
+pub use query::{PathPiece, Paths, Pixels, Query, ResidentPaths};
 pub use saved::FieldPrecision;
 pub use shape::FieldShape;
 pub(crate) use shape::{PARTS, Part};

@@ -5,126 +5,15 @@
 
 use std::ops::Range;
 
-use omnix_graph::ops::Motion;
-use omnix_graph::{Bindings, Executable, Graph, Plan, PlanOptions, WeightStore};
-use omnix_kernels::{BufferSlice, Caps, readback};
-use omnix_model::TrajectorySpec;
+use omnix_graph::{Bindings, Executable, WeightStore};
+use omnix_kernels::{BufferSlice, readback};
 
 use super::Field;
+use super::chunk::{Chunk, Inputs, Sizes, plan};
 use super::maps::Maps;
-use super::shape::{FieldShape, PARTS, Part};
+use super::query::{PathPiece, Paths, Pixels, Query, ResidentPaths};
+use super::shape::{PARTS, Part};
 use crate::error::OmnixError;
-
-/// How much is evaluated at a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Chunk {
-    /// Pixels.
-    pub pixels: usize,
-    /// Target times.
-    pub times: usize,
-}
-
-/// Which pixels of an image.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Pixels {
-    /// All, row by row.
-    All,
-    /// These columns and rows, in this order.
-    List(Vec<[u32; 2]>),
-    /// Those where the mask (one value per pixel, row by row) is true, row by row.
-    Mask(Vec<bool>),
-    /// Every n-th column and row, from the first.
-    Stride(usize),
-}
-
-/// What is to be evaluated.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Query {
-    /// The source image.
-    pub image: usize,
-    /// Its pixels.
-    pub pixels: Pixels,
-    /// Target times.
-    pub times: Range<usize>,
-    /// At most so much at a time; `None` lets the budget decide.
-    pub chunk: Option<Chunk>,
-}
-
-impl Query {
-    /// Pixels of an image at these times.
-    #[must_use]
-    pub fn new(image: usize, pixels: Pixels, times: Range<usize>) -> Self {
-        Self { image, pixels, times, chunk: None }
-    }
-}
-
-/// Evaluated trajectories.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Paths {
-    /// The target times.
-    pub times: Range<usize>,
-    /// Flat indices (row · width + column) of the pixels; `None` for all of them.
-    pub pixels: Option<Vec<u32>>,
-    /// `[times][pixels][3]`: world positions in the network's scale.
-    pub positions: Vec<f32>,
-    /// `[pixels]`: motion score θ.
-    pub theta: Vec<f32>,
-}
-
-/// A piece of trajectories, as they stream.
-#[derive(Clone, Copy, Debug)]
-pub struct PathPiece<'a> {
-    /// The first of its target times.
-    pub first_time: usize,
-    /// Number of its target times.
-    pub times: usize,
-    /// The first of its pixels, counted among those asked for.
-    pub first_pixel: usize,
-    /// `[times][pixels of the piece][3]`.
-    pub positions: &'a [f32],
-    /// `[pixels of the piece]`.
-    pub theta: &'a [f32],
-}
-
-/// Trajectories on the device: f32, row-major, storage buffers that can also be copied from.
-#[derive(Clone, Debug)]
-pub struct ResidentPaths {
-    /// `[times, pixels, 3]`.
-    pub positions: BufferSlice,
-    /// `[pixels]`.
-    pub theta: BufferSlice,
-}
-
-impl Pixels {
-    /// Flat indices of the pixels, `None` for all.
-    pub(super) fn resolve(&self, shape: &FieldShape) -> Result<Option<Vec<u32>>, OmnixError> {
-        let (width, height) = (shape.width, shape.height);
-        let wrong = |reason: String| OmnixError::Query { reason };
-        match self {
-            Self::All => Ok(None),
-            Self::List(list) => {
-                if let Some([x, y]) = list.iter().find(|[x, y]| *x as usize >= width || *y as usize >= height) {
-                    let (right, bottom) = (width - 1, height - 1);
-                    return Err(wrong(format!(
-                        "pixel {x},{y} lies outside the image: columns go from 0 to {right}, rows from 0 to {bottom}"
-                    )));
-                }
-                Ok(Some(list.iter().map(|[x, y]| y * width as u32 + x).collect()))
-            }
-            Self::Mask(mask) if mask.len() != width * height => {
-                let pixels = mask.len();
-                Err(wrong(format!("a mask of {pixels} pixels: images of this field have {width}x{height}")))
-            }
-            Self::Mask(mask) => Ok(Some((0..).zip(mask).filter(|(_, on)| **on).map(|(i, _)| i).collect())),
-            Self::Stride(0) => Err(wrong("a stride of 0: 1 is every pixel".to_owned())),
-            Self::Stride(1) => Ok(None),
-            Self::Stride(step) => {
-                let row = |y: usize| (0..width).step_by(*step).map(move |x| (y * width + x) as u32);
-                Ok(Some((0..height).step_by(*step).flat_map(row).collect()))
-            }
-        }
-    }
-}
 
 impl Field {
     /// Evaluates trajectories into memory of the host.
@@ -286,15 +175,6 @@ const FEW: usize = 8;
 /// The parts that have a row for each pixel.
 const ROWS: [Part; 3] = [Part::Offsets, Part::Weights, Part::Points];
 
-/// What an evaluation is given of its image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Inputs {
-    /// All of it; listed pixels are gathered on the device.
-    Whole,
-    /// Rows of the listed pixels, and the field at the `times` target times asked for and at the image's own.
-    Rows { times: usize },
-}
-
 /// One image's trajectories at a fixed number of pixels and times.
 struct Evaluation {
     exec: Executable,
@@ -331,93 +211,4 @@ impl Evaluation {
         self.exec.run(&mut |_, _| std::ops::ControlFlow::Continue(()))?;
         Ok([self.exec.slice("trajectory")?, self.exec.slice("theta")?])
     }
-}
-
-fn plan(
-    shape: &FieldShape,
-    motion: Motion,
-    caps: &Caps,
-    inputs: Inputs,
-    listed: Option<usize>,
-    times: usize,
-) -> Result<Plan, OmnixError> {
-    let [rows, columns] = shape.grid;
-    let (all_times, gathered) = match inputs {
-        Inputs::Whole => (shape.images, false),
-        Inputs::Rows { times } => (times + 1, true),
-    };
-    let spec = TrajectorySpec {
-        grid: (rows, columns),
-        levels: shape.levels,
-        points: shape.points,
-        all_times,
-        times,
-        pixels: listed,
-        gathered,
-        motion,
-    };
-    let mut graph = Graph::new();
-    omnix_model::trajectory(&mut graph, &spec)?;
-    Ok(Plan::new(&graph, caps, &PlanOptions::default())?)
-}
-
-/// What the bytes of an evaluation depend on.
-struct Sizes<'a> {
-    shape: &'a FieldShape,
-    motion: Motion,
-    caps: &'a Caps,
-    inputs: Inputs,
-    resident: bool,
-}
-
-/// Positions that are read back at a time, where no budget says less.
-const PIECE: u64 = 256 << 20;
-
-impl Sizes<'_> {
-    /// Bytes of a chunk: the plan's own, less what is bound to the field where that is on the device, and the staging
-    /// through which positions are read back.
-    fn bytes(&self, chunk: Chunk, listed: bool) -> Result<u64, OmnixError> {
-        let plan = plan(self.shape, self.motion, self.caps, self.inputs, listed.then_some(chunk.pixels), chunk.times)?;
-        let bound = if self.resident { self.shape.image_bytes() } else { 0 };
-        Ok(plan.working_bytes().saturating_sub(bound) + (chunk.pixels * chunk.times * 12) as u64)
-    }
-
-    /// The largest chunk up to `whole` that fits, and its bytes: fewer times first, then fewer pixels.
-    fn fit(&self, whole: Chunk, listed: bool, room: Option<u64>) -> Result<(Chunk, u64), OmnixError> {
-        let mut chunk = whole;
-        while chunk.times > 1 && (chunk.pixels * chunk.times * 12) as u64 > PIECE {
-            chunk.times = chunk.times.div_ceil(2);
-        }
-        loop {
-            let listed = listed || chunk.pixels < whole.pixels;
-            let bytes = self.bytes(chunk, listed)?;
-            if room.is_none_or(|room| bytes <= room) || chunk.pixels <= LEAST {
-                return Ok((chunk, bytes));
-            }
-            match chunk.times {
-                1 => chunk.pixels = chunk.pixels.div_ceil(2).max(LEAST),
-                _ => chunk.times = chunk.times.div_ceil(2),
-            }
-        }
-    }
-}
-
-/// Fewer pixels than this at a time save no memory worth it.
-const LEAST: usize = 1024;
-
-/// The chunk in which all pixels of an image are evaluated at all times within `room`, and its bytes.
-pub(crate) fn fit(
-    shape: &FieldShape,
-    motion: Motion,
-    caps: &Caps,
-    resident: bool,
-    room: Option<u64>,
-) -> Result<(Chunk, u64), OmnixError> {
-    let whole = Chunk { pixels: shape.pixels(), times: shape.images };
-    Sizes { shape, motion, caps, inputs: Inputs::Whole, resident }.fit(whole, false, room)
-}
-
-/// Bytes of the smallest chunk.
-pub(crate) fn least(shape: &FieldShape, motion: Motion, caps: &Caps, resident: bool) -> Result<u64, OmnixError> {
-    Ok(fit(shape, motion, caps, resident, Some(0))?.1)
 }

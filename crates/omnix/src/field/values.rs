@@ -6,8 +6,8 @@ use std::borrow::Cow;
 use omnix_io::Picture;
 
 use super::Field;
-use super::evaluate::Pixels;
 use super::maps::{ImageMaps, Maps};
+use super::query::Pixels;
 use crate::error::OmnixError;
 
 /// What is known of some pixels of an image, in their order.
