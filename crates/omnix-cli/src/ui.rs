@@ -1,5 +1,5 @@
 //! What people see (standard error: bars on a terminal, a line a phase elsewhere) and what machines read (standard output
-//! with `--json`: one object a line, with its kind in `event`).
+//! with `--json`: one object per line, with its kind in `event`).
 //!
 //! A message that cannot be written (a closed terminal, a full disk under a log) is no failure. An event that cannot is one,
 //! unless its reader has gone away: [`Ui::finish`] tells.

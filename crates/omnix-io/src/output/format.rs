@@ -147,7 +147,7 @@ pub(super) enum Each {
     StillRun,
     /// One a run with motion.
     MovingRun,
-    /// One an image, numbered as images are.
+    /// One per image, numbered as images are.
     Image,
     /// One, if there is one video.
     OnlyVideo,

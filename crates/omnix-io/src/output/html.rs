@@ -7,15 +7,15 @@
 //! | element            | holds                                                                              |
 //! |--------------------|------------------------------------------------------------------------------------|
 //! | `omnix-meta`       | JSON: title, notes, counts, box of positions, views with their cameras and times    |
-//! | `omnix-look`       | u8 × 4 a point: red, green, blue, 255 where the gate let it move                     |
-//! | `omnix-scalars`    | u16 × 4 a point: source view, θ × 65535, confidence on a logarithmic scale, 0        |
+//! | `omnix-look`       | u8 × 4 per point: red, green, blue, 255 where the gate let it move                   |
+//! | `omnix-scalars`    | u16 × 4 per point: source view, θ × 65535, confidence on a logarithmic scale, 0      |
 //! | `omnix-pixels`     | u16 × 2 a point: column and row in its source view                                  |
-//! | `omnix-path-T`     | u16 × 3 a point that changes place, at time T, in the box of positions              |
-//! | `omnix-still`      | u16 × 3 a point that is in one place at all times                                   |
+//! | `omnix-path-T`     | u16 × 3 per point that changes place, at time T, in the box of positions            |
+//! | `omnix-still`      | u16 × 3 per point that is in one place at all times                                 |
 //! | `omnix-picture-V`  | the picture of view V, reduced, JPEG                                               |
 //!
 //! Points that change place come first; each half keeps the order of the source. Points with a position that is not finite
-//! are left out and counted. Written as it is encoded: beside the input it needs memory for one picture and 4 bytes a point.
+//! are left out and counted. Written as it is encoded: beside the input it needs memory for one picture and 4 bytes per point.
 
 mod encode;
 mod meta;
@@ -44,7 +44,7 @@ pub(super) const FORMAT: Format = Format {
     by_default: true,
     files: &[FileKind::one(NAME, "a viewer of the moving points, complete in one file: open it in a browser")
         .with(Points::Network)],
-    // Base64 of six bytes a point and time; the pictures; the viewer.
+    // Base64 of six bytes per point and time; the pictures; the viewer.
     disk: |size| {
         let points = size.paths(size.moving(), 8, 24);
         points.saturating_add(size.images.saturating_mul(64_000)).saturating_add(1 << 20)

@@ -60,7 +60,7 @@ struct Section {
 /// Writes the file `path`.
 ///
 /// # Errors
-/// Points that are none or no pixels of the images; a frame rate that is not positive; a failure of writing.
+/// No points, or points that are no pixels of the images; a frame rate that is not positive; a failure of writing.
 pub fn write_omx4d(
     path: &Path,
     name: &str,

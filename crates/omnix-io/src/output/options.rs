@@ -86,7 +86,7 @@ impl Default for GlbMotionOptions {
 pub struct Omx4dOptions {
     /// Which of the offered points are written.
     pub voxel: VoxelOptions,
-    /// Only points of the first so many images are written; none for all. (Copies of an image that fill up a batch are left out so.)
+    /// The number of leading images whose points are written; `None` for all. This leaves out copies that fill up a batch.
     pub candidate_views: Option<usize>,
     /// Colour by source image and motion instead of the pictures.
     pub palette: bool,
@@ -138,7 +138,7 @@ impl Default for HtmlOptions {
     }
 }
 
-/// An error unless it is a number of images a second.
+/// An error unless it is a number of images per second.
 pub(super) fn check_rate(fps: f64) -> Result<(), IoError> {
     if fps.is_finite() && fps > 0.0 {
         return Ok(());

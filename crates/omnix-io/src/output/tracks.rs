@@ -1,4 +1,4 @@
-//! `tracks`: `exports/tracks/NNNNNN.npz`, one archive a source image, NNNNNN its index.
+//! `tracks`: `exports/tracks/NNNNNN.npz`, one archive per source image, NNNNNN its index.
 //!
 //! T images (= times), N chosen points of the source image; of all pixels `N` reads `H,W` and `pixel` is left out.
 //! * `trajectory` f32 [T,N,3]: where each point is at each time; world frame, OpenCV axes, the network's scale

@@ -33,7 +33,7 @@ pub(super) const FORMAT: Format = Format {
     ..Format::NONE
 };
 
-/// Keeps about 200 bytes an image.
+/// Keeps about 200 bytes per image.
 struct TumSink {
     dir: PathBuf,
     videos: BTreeMap<u32, Video>,

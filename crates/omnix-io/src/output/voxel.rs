@@ -17,7 +17,7 @@ pub struct VoxelChoice {
     pub chosen: Vec<usize>,
     /// How many of them were chosen by score.
     pub dynamic: usize,
-    /// The lowest score among these; none if there are none.
+    /// The lowest score among these; `None` without any.
     pub cutoff: Option<f32>,
     /// Number of valid points that could have been chosen.
     pub valid: usize,

@@ -14,7 +14,7 @@ use crate::stop;
 use crate::ui::Ui;
 
 impl Run<'_> {
-    /// Every picture at the network's size, 8 bits a channel.
+    /// Every picture at the network's size, 8 bits per channel.
     pub(super) fn read(&mut self, ui: &mut Ui) -> Result<Vec<Picture>, CliError> {
         let input = &self.job.input;
         let total = input.frames.len();

@@ -73,7 +73,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// What the engine does not know of the images; what the manifest and machines hear of them.
+    /// What the engine does not know of the images; what the manifest and `--json` say of them.
     fn describe(&mut self, field: &mut Field, pictures: Vec<Picture>, unit: &str) -> Result<(), CliError> {
         let frames = &self.job.input.frames;
         for ((image, frame), camera) in field.images_mut().iter_mut().zip(frames).zip(&self.cameras) {
