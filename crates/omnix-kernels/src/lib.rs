@@ -8,6 +8,7 @@
 //!
 //! Tensors are f32, contiguous, channels last: tokens `[image, token, channel]`, maps `[image, row, column, channel]`.
 
+#[cfg(feature = "bench")]
 pub mod bench;
 pub mod caps;
 pub mod cpu;

@@ -51,6 +51,7 @@ impl Engine {
     ///
     /// # Errors
     /// As [`Engine::open`].
+    #[cfg(feature = "experimental")]
     pub fn open_experimental(wanted: Option<&str>) -> Result<Self, OmnixError> {
         let adapter = adapter::choose(wanted)?;
         let (device, queue, products) = adapter::open_experimental(&adapter)?;

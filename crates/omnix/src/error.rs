@@ -26,6 +26,7 @@ pub enum OmnixError {
     #[error(transparent)]
     Geometry(#[from] omnix_geometry::GeometryError),
     /// Files in or out.
+    #[cfg(feature = "io")]
     #[error(transparent)]
     Io(#[from] omnix_io::IoError),
     /// A weight that is no number.

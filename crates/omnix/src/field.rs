@@ -6,11 +6,17 @@
 //! It lives on the device, or in a file from which one image at a time goes to the device, and can be saved and opened again
 //! ([`Field::save`], whose module documents the file).
 
+#[cfg(feature = "io")]
 mod choice;
 mod chunk;
 mod evaluate;
+#[cfg(feature = "io")]
+mod file;
 mod maps;
+#[cfg(feature = "io")]
+mod pictures;
 mod query;
+#[cfg(feature = "io")]
 mod saved;
 mod shape;
 mod store;
@@ -20,14 +26,16 @@ use omnix_geometry::Camera;
 use omnix_graph::ops::{Gate, Motion};
 use omnix_kernels::Gpu;
 
+#[cfg(feature = "io")]
 pub use choice::ImageMotion;
 pub use chunk::Chunk;
 pub(crate) use chunk::{fit, least};
 pub(crate) use maps::{ImageMaps, Maps};
 pub use query::{PathPiece, Paths, Pixels, Query, ResidentPaths};
+#[cfg(feature = "io")]
 pub use saved::FieldPrecision;
 pub use shape::FieldShape;
-pub(crate) use shape::{PARTS, Part};
+pub(crate) use shape::Part;
 pub(crate) use store::{Resident, Store, copy};
 pub use values::PixelValues;
 

@@ -25,6 +25,7 @@
 //! # }
 //! ```
 
+#[cfg(feature = "bench")]
 pub mod bench;
 mod engine;
 mod error;
@@ -39,9 +40,10 @@ pub use engine::{DeviceInfo, Engine};
 pub use error::OmnixError;
 pub use event::{Event, FrameGeometry, FrameMotion, Listener, Phase, Progress, ResidentGeometry, quiet};
 pub use field::{
-    About, Chunk, Field, FieldImage, FieldPrecision, FieldShape, ImageMotion, PathPiece, Paths, PixelValues, Pixels,
-    Query, ResidentPaths,
+    About, Chunk, Field, FieldImage, FieldShape, PathPiece, Paths, PixelValues, Pixels, Query, ResidentPaths,
 };
+#[cfg(feature = "io")]
+pub use field::{FieldPrecision, ImageMotion};
 pub use omnix_geometry::{AlignTo, Camera};
 pub use omnix_kernels::{Caps, Tier, WeightType};
 pub use omnix_model::backbone::ReferenceChoice;
@@ -53,6 +55,7 @@ pub use weights::Weights;
 pub use omnix_geometry as geometry;
 pub use omnix_graph as graph;
 /// File inputs and outputs: frames of videos and folders, preprocessing, export formats.
+#[cfg(feature = "io")]
 pub use omnix_io as io;
 pub use omnix_kernels as kernels;
 pub use omnix_model as model;

@@ -1,5 +1,6 @@
 //! What to reconstruct.
 
+#[cfg(feature = "io")]
 use std::path::PathBuf;
 
 use omnix_geometry::{AlignTo, Camera};
@@ -52,14 +53,16 @@ pub struct Request {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FieldPlace {
-    /// On the device if it fits the budget, else as [`FieldPlace::Spool`] in the system's folder for temporary files.
+    /// On the device if it fits the budget, else (feature `io`) as `FieldPlace::Spool` in the system's folder for temporary files.
     #[default]
     Auto,
-    /// As [`FieldPlace::Auto`], with the spool file in this folder.
+    /// As `Auto`, with the spool file in this folder.
+    #[cfg(feature = "io")]
     AutoIn(PathBuf),
     /// On the device.
     Device,
     /// In an unnamed file in this folder, from which one image at a time goes to the device.
+    #[cfg(feature = "io")]
     Spool(PathBuf),
 }
 

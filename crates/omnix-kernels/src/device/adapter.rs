@@ -3,6 +3,7 @@
 //! The engine itself borrows the host's device; this is for programs that have none of their own: the
 //! command line, tests and benches.
 
+#[cfg(feature = "experimental")]
 use crate::caps::Cooperative;
 use crate::{KernelError, host_memory};
 
@@ -123,6 +124,7 @@ pub fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), Kern
 ///
 /// # Errors
 /// As [`open`].
+#[cfg(feature = "experimental")]
 pub fn open_experimental(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue, Cooperative), KernelError> {
     let products = Cooperative::of(&adapter.cooperative_matrix_properties());
     let feature = wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX;

@@ -29,7 +29,9 @@ use omnix_io::output::field::{Dtype, FieldReader, FieldWriter, TensorSpec};
 use omnix_model::PATCH;
 use serde_json::{Value, json};
 
-use super::{About, Field, FieldImage, FieldShape, Maps, PARTS, Part, Store};
+use super::file::MapsFile;
+use super::shape::PARTS;
+use super::{About, Field, FieldImage, FieldShape, Maps, Part, Store};
 use crate::engine::Engine;
 use crate::error::OmnixError;
 
@@ -84,7 +86,7 @@ impl Field {
     fn write(&self, path: &Path, types: &[Dtype; PARTS.len()]) -> Result<PathBuf, OmnixError> {
         let shape = *self.shape();
         let (images, pixels) = (shape.images, [shape.images, shape.height, shape.width]);
-        let pictures = self.maps.have_pictures();
+        let pictures = self.have_pictures();
         let mut specs: Vec<TensorSpec> = PARTS
             .into_iter()
             .map(|part| {
@@ -167,7 +169,7 @@ impl Field {
         let pictures = file.has("pictures");
         let file = Arc::new(file);
         let store = Store::saved(engine.gpu(), shape, Arc::clone(&file));
-        let maps = Maps::Saved { file, pictures };
+        let maps = Maps::Saved(Box::new(MapsFile { file, pictures }));
         Ok(Self::new(engine, (shape, motion), store, None, (known, maps), about))
     }
 }

@@ -3,16 +3,10 @@
 //! On the device every image's parts have buffers of their own, so that kernels bind them as they are and no buffer grows
 //! with the number of images. From a file one image at a time goes to the device.
 
-use std::fs::File;
-use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use omnix_io::IoError;
-use omnix_io::output::field::FieldReader;
 use omnix_kernels::{BufferSlice, Gpu, KernelError, readback};
-use omnix_tensors::scattered;
 
 use super::shape::{FieldShape, PARTS, Part};
 use crate::error::OmnixError;
@@ -35,7 +29,11 @@ pub(crate) struct Store {
 #[derive(Debug)]
 enum Place {
     Device(Vec<[Option<BufferSlice>; PARTS.len()]>),
-    File { file: Box<Mutex<Backing>>, staged: Box<Mutex<Option<Staged>>> },
+    #[cfg_attr(not(feature = "io"), expect(dead_code, reason = "made where there are files"))]
+    File {
+        file: Mutex<Box<dyn Backing>>,
+        staged: Box<Mutex<Option<Staged>>>,
+    },
 }
 
 /// The buffers that images of a file pass through, and the image that is in them.
@@ -45,14 +43,31 @@ struct Staged {
     parts: Resident,
 }
 
-#[derive(Debug)]
-enum Backing {
-    /// Parts one after another, each with all images, f32: an unnamed file, gone with the process.
-    Spool {
-        file: File,
-        folder: PathBuf,
-    },
-    Saved(Arc<FieldReader>),
+/// Where the parts lie that are not on the device: one after another, each with all images.
+pub(super) trait Backing: Send + std::fmt::Debug {
+    /// Writes a part of an image.
+    fn write(&mut self, shape: &FieldShape, image: usize, part: Part, numbers: &[f32]) -> Result<(), OmnixError>;
+
+    /// Numbers of a part of an image.
+    fn range(
+        &mut self,
+        shape: &FieldShape,
+        image: usize,
+        part: Part,
+        numbers: Range<usize>,
+    ) -> Result<Vec<f32>, OmnixError>;
+
+    /// Rows of `width` numbers of a part of an image.
+    fn rows(
+        &mut self,
+        shape: &FieldShape,
+        image: usize,
+        part: Part,
+        of: (usize, &[u32]),
+    ) -> Result<Vec<f32>, OmnixError>;
+
+    /// Bytes read so far from a file that outlives the run.
+    fn bytes_read(&self) -> u64;
 }
 
 impl Store {
@@ -62,20 +77,10 @@ impl Store {
         Self { gpu: gpu.clone(), shape, place: Place::Device((0..shape.images).map(|_| empty()).collect()) }
     }
 
-    /// An empty spool file in `folder`.
-    pub(crate) fn spool(gpu: &Gpu, shape: FieldShape, folder: &Path) -> Result<Self, OmnixError> {
-        let write = |source| IoError::write(folder, source);
-        let file = tempfile::tempfile_in(folder).map_err(write)?;
-        Ok(Self::file(gpu, shape, Backing::Spool { file, folder: folder.to_owned() }))
-    }
-
-    /// A saved field.
-    pub(crate) fn saved(gpu: &Gpu, shape: FieldShape, reader: Arc<FieldReader>) -> Self {
-        Self::file(gpu, shape, Backing::Saved(reader))
-    }
-
-    fn file(gpu: &Gpu, shape: FieldShape, backing: Backing) -> Self {
-        let place = Place::File { file: Box::new(Mutex::new(backing)), staged: Box::new(Mutex::new(None)) };
+    /// A store beside the device.
+    #[cfg(feature = "io")]
+    pub(super) fn beside(gpu: &Gpu, shape: FieldShape, backing: impl Backing + 'static) -> Self {
+        let place = Place::File { file: Mutex::new(Box::new(backing)), staged: Box::new(Mutex::new(None)) };
         Self { gpu: gpu.clone(), shape, place }
     }
 
@@ -182,7 +187,7 @@ impl Store {
     }
 
     /// The file, where it comes from one.
-    fn backing(&self, part: Part) -> Result<MutexGuard<'_, Backing>, OmnixError> {
+    fn backing(&self, part: Part) -> Result<MutexGuard<'_, Box<dyn Backing>>, OmnixError> {
         match &self.place {
             Place::Device(_) => Err(absent(part)),
             Place::File { file, .. } => Ok(file.lock().unwrap_or_else(PoisonError::into_inner)),
@@ -191,10 +196,7 @@ impl Store {
 
     /// Bytes read from a saved file so far.
     pub(crate) fn bytes_read(&self) -> u64 {
-        match self.backing(Part::Field).as_deref() {
-            Ok(Backing::Saved(reader)) => reader.bytes_read(),
-            Ok(Backing::Spool { .. }) | Err(_) => 0,
-        }
+        self.backing(Part::Field).map_or(0, |backing| backing.bytes_read())
     }
 
     fn buffers(&self) -> Result<Resident, KernelError> {
@@ -206,69 +208,7 @@ impl Store {
     }
 }
 
-impl Backing {
-    fn write(&mut self, shape: &FieldShape, image: usize, part: Part, numbers: &[f32]) -> Result<(), OmnixError> {
-        let Self::Spool { file, folder } = self else { return Err(absent(part)) };
-        let at = SeekFrom::Start(place(shape, image, part));
-        let written = file.seek(at).and_then(|_| file.write_all(bytemuck::cast_slice(numbers)));
-        Ok(written.map_err(|source| IoError::write(&*folder, source))?)
-    }
-
-    /// Numbers of a part of an image.
-    fn range(
-        &mut self,
-        shape: &FieldShape,
-        image: usize,
-        part: Part,
-        numbers: Range<usize>,
-    ) -> Result<Vec<f32>, OmnixError> {
-        let before = image * shape.numbers(part);
-        match self {
-            Self::Spool { file, folder } => {
-                let mut read = vec![0.0f32; numbers.len()];
-                let at = place(shape, image, part) + 4 * numbers.start as u64;
-                spooled(file, folder, at, bytemuck::cast_slice_mut(&mut read))?;
-                Ok(read)
-            }
-            Self::Saved(reader) => Ok(reader.read(part.name(), before + numbers.start..before + numbers.end)?),
-        }
-    }
-
-    /// Rows of `width` numbers of a part of an image.
-    fn rows(
-        &mut self,
-        shape: &FieldShape,
-        image: usize,
-        part: Part,
-        (width, rows): (usize, &[u32]),
-    ) -> Result<Vec<f32>, OmnixError> {
-        match self {
-            Self::Spool { file, folder } => {
-                let start = place(shape, image, part);
-                let bytes = scattered(rows, 4 * width, &mut |range| {
-                    let mut bytes = vec![0; range.len()];
-                    spooled(file, folder, start + range.start as u64, &mut bytes).map(|()| bytes)
-                })?;
-                Ok(bytes.as_chunks().0.iter().map(|b| f32::from_ne_bytes(*b)).collect())
-            }
-            Self::Saved(reader) => Ok(reader.rows(part.name(), image * shape.numbers(part), width, rows)?),
-        }
-    }
-}
-
-/// Bytes of a spool file from `at` on.
-fn spooled(file: &mut File, folder: &Path, at: u64, bytes: &mut [u8]) -> Result<(), OmnixError> {
-    let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(bytes));
-    Ok(read.map_err(|source| IoError::Read { path: folder.to_owned(), source })?)
-}
-
-/// First byte of a part of an image in a spool file.
-fn place(shape: &FieldShape, image: usize, part: Part) -> u64 {
-    let before: usize = PARTS.iter().take(part as usize).map(|p| shape.images * shape.numbers(*p)).sum();
-    4 * (before + image * shape.numbers(part)) as u64
-}
-
-fn absent(part: Part) -> OmnixError {
+pub(super) fn absent(part: Part) -> OmnixError {
     OmnixError::Request { reason: format!("BUG: the field has no {} of this image", part.name()) }
 }
 

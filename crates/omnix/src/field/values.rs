@@ -3,8 +3,6 @@
 
 use std::borrow::Cow;
 
-use omnix_io::Picture;
-
 use super::Field;
 use super::maps::{ImageMaps, Maps};
 use super::query::Pixels;
@@ -58,49 +56,8 @@ impl Field {
         let pixels = self.shape().pixels();
         Ok(match &self.maps {
             Maps::Memory(images) => Cow::Borrowed(of(&images[image]).as_slice()),
-            Maps::Saved { file, .. } => Cow::Owned(file.read(name, image * pixels..(image + 1) * pixels)?),
+            Maps::Saved(file) => Cow::Owned(file.range(name, image * pixels..(image + 1) * pixels)?),
         })
-    }
-
-    /// The processed picture of an image, for exports with colours, where it is known.
-    ///
-    /// # Errors
-    /// As [`Field::theta`].
-    pub fn picture(&self, image: usize) -> Result<Option<Picture>, OmnixError> {
-        self.check_image(image)?;
-        let shape = self.shape();
-        let pixels = shape.pixels();
-        match &self.maps {
-            Maps::Memory(images) => Ok(images[image].picture.clone()),
-            Maps::Saved { pictures: false, .. } => Ok(None),
-            Maps::Saved { file, .. } => {
-                let packed = file.read_u32("pictures", image * pixels..(image + 1) * pixels)?;
-                let data = packed.into_iter().flat_map(rgb).collect();
-                Ok(Some(Picture::new(shape.width as u32, shape.height as u32, data)))
-            }
-        }
-    }
-
-    /// Adds an image's processed picture, which the engine does not know.
-    ///
-    /// # Errors
-    /// [`OmnixError::Query`] for an image that is not there or a picture of another size; a saved field, which has its own.
-    pub fn set_picture(&mut self, image: usize, picture: Picture) -> Result<(), OmnixError> {
-        self.check_image(image)?;
-        let shape = *self.shape();
-        if (picture.width as usize, picture.height as usize) != (shape.width, shape.height) {
-            let (w, h) = (picture.width, picture.height);
-            let reason = format!("a picture of {w}x{h}: images of this field have {}x{}", shape.width, shape.height);
-            return Err(OmnixError::Query { reason });
-        }
-        match &mut self.maps {
-            Maps::Memory(images) => images[image].picture = Some(picture),
-            Maps::Saved { .. } => {
-                let reason = "the pictures of a saved field are those in its file".to_owned();
-                return Err(OmnixError::Query { reason });
-            }
-        }
-        Ok(())
     }
 
     /// Score, confidence and colour of some pixels of an image. Of a saved field little else is read.
@@ -109,28 +66,41 @@ impl Field {
     /// As [`Field::paths`].
     pub fn pixel_values(&self, image: usize, pixels: &Pixels) -> Result<PixelValues, OmnixError> {
         self.check_image(image)?;
-        let Some(list) = pixels.resolve(self.shape())? else {
+        let list = pixels.resolve(self.shape())?;
+        let colours = self.colours(image, list.as_deref())?;
+        let Some(list) = list else {
             let (theta, confidence) = (self.theta(image)?.into_owned(), self.confidence(image)?.into_owned());
-            let colours = self.picture(image)?.map(|picture| picture.data.as_chunks().0.to_vec());
             return Ok(PixelValues { theta, confidence, colours });
         };
         match &self.maps {
             Maps::Memory(images) => {
-                let maps = &images[image];
                 let of = |map: &[f32]| list.iter().map(|p| map[*p as usize]).collect();
-                let colour = |data: &[u8], p: u32| std::array::from_fn(|c| data[3 * p as usize + c]);
-                let colours = maps.picture.as_ref().map(|p| list.iter().map(|at| colour(&p.data, *at)).collect());
+                let maps = &images[image];
                 Ok(PixelValues { theta: of(&maps.theta), confidence: of(&maps.confidence), colours })
             }
-            Maps::Saved { file, pictures } => {
-                let first = image * self.shape().pixels();
-                let packed = if *pictures { Some(file.rows_u32("pictures", first, 1, &list)?) } else { None };
-                Ok(PixelValues {
-                    theta: file.rows("theta", first, 1, &list)?,
-                    confidence: file.rows("confidence", first, 1, &list)?,
-                    colours: packed.map(|packed| packed.into_iter().map(rgb).collect()),
-                })
+            Maps::Saved(file) => {
+                let of = |name| file.rows(name, image * self.shape().pixels(), &list);
+                Ok(PixelValues { theta: of("theta")?, confidence: of("confidence")?, colours })
             }
+        }
+    }
+
+    /// Colours of some pixels of an image, or of all, where its picture is known.
+    pub(super) fn colours(&self, image: usize, list: Option<&[u32]>) -> Result<Option<Vec<[u8; 3]>>, OmnixError> {
+        let pixels = self.shape().pixels();
+        match &self.maps {
+            Maps::Memory(images) => Ok(images[image].colours.as_ref().map(|data| {
+                let all = data.as_chunks().0;
+                list.map_or_else(|| all.to_vec(), |list| list.iter().map(|p| all[*p as usize]).collect())
+            })),
+            Maps::Saved(file) if file.have_pictures() => {
+                let packed = match list {
+                    None => file.colours(image * pixels..(image + 1) * pixels)?,
+                    Some(list) => file.colour_rows(image * pixels, list)?,
+                };
+                Ok(Some(packed.into_iter().map(rgb).collect()))
+            }
+            Maps::Saved(_) => Ok(None),
         }
     }
 }

@@ -200,9 +200,15 @@ fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<RunPlan, Om
     let tokens = motion.as_ref().map_or(0, |m| m.token_bytes);
     // On the device if that fits; else in a file, where less may fit.
     let places: &[bool] = match (&motion, &request.field) {
-        (None, _) | (Some(_), FieldPlace::Spool(_)) => &[false],
+        (None, _) => &[false],
         (Some(_), FieldPlace::Device) => &[true],
+        #[cfg(feature = "io")]
+        (Some(_), FieldPlace::Spool(_)) => &[false],
+        #[cfg(feature = "io")]
         (Some(_), FieldPlace::Auto | FieldPlace::AutoIn(_)) => &[true, false],
+        // There are no files.
+        #[cfg(not(feature = "io"))]
+        (Some(_), FieldPlace::Auto) => &[true],
     };
     let before = budget.least;
     for &resident in places {

@@ -10,6 +10,7 @@ use super::handover::{BackboneResults, fill, inputs, part};
 use crate::error::OmnixError;
 use crate::event::{Event, FrameMotion, Listener, Phase, Teller};
 use crate::field::{About, Field, FieldImage, FieldShape, ImageMaps, Maps, Part, Store, copy, motion_of};
+#[cfg(feature = "io")]
 use crate::request::FieldPlace;
 
 /// A field while it is made.
@@ -21,6 +22,9 @@ pub(super) struct FieldBuilder {
     /// `[images, cells, width]`: tokens of points that the head makes for the module, if it takes any.
     tokens: Option<BufferSlice>,
 }
+
+/// Unit of length of networks that do not know the metre; sinks write it too.
+const UNIT: &str = "network scale (not metric)";
 
 const TOKENS: &str = "traj.point_tokens";
 
@@ -64,11 +68,15 @@ impl Session {
     pub(super) fn start_motion(&self) -> Result<Option<FieldBuilder>, OmnixError> {
         let Some(plan) = &self.plan.motion else { return Ok(None) };
         let gpu = self.engine.gpu();
+        #[cfg(feature = "io")]
         let store = match &self.plan.request.field {
             _ if plan.resident => Store::device(gpu, plan.shape),
             FieldPlace::AutoIn(folder) | FieldPlace::Spool(folder) => Store::spool(gpu, plan.shape, folder)?,
             FieldPlace::Auto | FieldPlace::Device => Store::spool(gpu, plan.shape, &std::env::temp_dir())?,
         };
+        // Planned so: there are no files.
+        #[cfg(not(feature = "io"))]
+        let store = Store::device(gpu, plan.shape);
         let graph = &plan.module.graph;
         let tokens = match graph.find(TOKENS) {
             Some(value) => {
@@ -102,7 +110,7 @@ impl Session {
         let about = About {
             network: weights.network().config().name.clone(),
             weights: weights.checkpoint().name().to_owned(),
-            unit: omnix_io::SinkOptions::default().unit,
+            unit: UNIT.to_owned(),
             note: weights.note().map(str::to_owned),
         };
         let room = self.plan.evaluation_room();
