@@ -6,7 +6,7 @@
 //! it. `OMNIX_DEVICE` picks the device.
 //!
 //! `--serve` is for tools/compare, which measures several programs in turn: every line of standard input is a filter, and
-//! its cases are measured once (one run of a tenth of a second) and answered by a JSON object a case and an empty line.
+//! its cases are measured once (one run of a tenth of a second) and answered by one JSON object per case and an empty line.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
