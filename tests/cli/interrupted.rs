@@ -129,9 +129,9 @@ fn a_limit_of_file_sizes_is_an_error() {
     command.args(["plan", "--images", "1", "--size", "14x14", "--json"]);
     crate::common::finish(&mut command).fails(6, &["standard output"]);
     // The memory of a software device is a file too, and would end the process when it cannot grow.
-    let (frames, out) = (many(dir.path(), 2), dir.path().join("out"));
-    let mut command = limited(1000, "exec \"$@\"");
-    command.arg("reconstruct").arg(&frames).arg("--out").arg(&out).args(["--export", "depth"]);
-    crate::common::finish(&mut command).fails(6, &["ulimit -f", "1000 KiB"]);
+    let (frames, out) = (many(dir.path(), 6), dir.path().join("out"));
+    let mut command = limited(20_000, "exec \"$@\"");
+    command.arg("reconstruct").arg(&frames).arg("--out").arg(&out).args(["--export", "field", "--size", "252x168"]);
+    crate::common::finish(&mut command).fails(6, &["ulimit -f", "20 MiB"]);
     assert!(!out.exists());
 }

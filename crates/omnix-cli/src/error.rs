@@ -40,10 +40,12 @@ pub(crate) enum CliError {
     },
     /// One array of the run is larger than a buffer of the device may be.
     #[error(
-        "one array of this run takes {}, and the largest buffer of this device {}: use fewer or smaller images{suggestion}",
+        "{run} one array of {}, and the largest buffer of this device has {}: use fewer or smaller images{suggestion}",
         bytes::show(*needed), bytes::show(*limit)
     )]
     TensorTooLarge {
+        /// Who needs it: "10000 images need".
+        run: String,
         /// Bytes of the array.
         needed: u64,
         /// The device's limit.
@@ -152,9 +154,12 @@ impl From<OmnixError> for CliError {
     fn from(error: OmnixError) -> Self {
         match error {
             // Names inside of a graph say nothing to who runs the program.
-            OmnixError::Graph(GraphError::TensorTooLarge { bytes, limit, .. }) => {
-                Self::TensorTooLarge { needed: bytes, limit, suggestion: String::new() }
-            }
+            OmnixError::Graph(GraphError::TensorTooLarge { bytes, limit, .. }) => Self::TensorTooLarge {
+                run: "this run needs".to_owned(),
+                needed: bytes,
+                limit,
+                suggestion: String::new(),
+            },
             other => Self::Omnix(other),
         }
     }

@@ -63,7 +63,8 @@ impl Job {
                 };
                 Err(match source {
                     OmnixError::Graph(GraphError::TensorTooLarge { bytes, limit, .. }) => {
-                        CliError::TensorTooLarge { needed: bytes, limit, suggestion }
+                        let run = format!("{} images need", self.request.images);
+                        CliError::TensorTooLarge { run, needed: bytes, limit, suggestion }
                     }
                     source => CliError::TooLarge { source, suggestion },
                 })

@@ -46,10 +46,9 @@ pub use folder::OutputFolder;
 pub use format::RunSize;
 pub use frame::{FrameResult, RunSummary, Sink};
 pub use glb_motion::write_glb_motion;
+pub use motion_export::{MotionStream, write_motion};
 /// For a program that ends at once: removes files in the making.
 pub use omnix_tensors::abandon;
-
-pub use motion_export::{MotionStream, write_motion};
 pub use omx4d::write_omx4d;
 pub use options::{GlbMotionOptions, HtmlOptions, MotionOptions, Omx4dOptions, SinkOptions, VoxelOptions};
 pub use voxel::{VoxelChoice, choose_voxel};
