@@ -6,7 +6,6 @@
 //! steps whatever the windows, so splitting changes no bit. Where k and v need several windows, the unnormalised
 //! sums wait in [`OUT`] and the running maximum and sum of a row in [`STATE`].
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, attention as shaders};
 
 use crate::caps::UNIFORM_WINDOW;
@@ -40,46 +39,27 @@ pub struct Attention {
     pub nk: u32,
 }
 
-/// `Params` of `shaders/attention`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct AttentionParams {
-    heads: u32,
-    head_dim: u32,
-    nq: u32,
-    nq_pad: u32,
-    nk: u32,
-    kv_pad: u32,
-    head0: u32,
-    head_count: u32,
-    q0: u32,
-    q_count: u32,
-    q_base: u32,
-    key0: u32,
-    keys: u32,
-    out_row0: u32,
-    out_skip: u32,
-    flags: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/attention`.
+    pub struct AttentionParams {
+        heads: u32,
+        head_dim: u32,
+        nq: u32,
+        nq_pad: u32,
+        nk: u32,
+        kv_pad: u32,
+        head0: u32,
+        head_count: u32,
+        q0: u32,
+        q_count: u32,
+        q_base: u32,
+        key0: u32,
+        keys: u32,
+        out_row0: u32,
+        out_skip: u32,
+        flags: u32,
+    }
 }
-
-crate::layout::layout!(AttentionParams {
-    heads,
-    head_dim,
-    nq,
-    nq_pad,
-    nk,
-    kv_pad,
-    head0,
-    head_count,
-    q0,
-    q_count,
-    q_base,
-    key0,
-    keys,
-    out_row0,
-    out_skip,
-    flags
-});
 
 const FIRST: u32 = 1;
 const LAST: u32 = 2;

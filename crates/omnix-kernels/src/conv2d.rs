@@ -7,7 +7,6 @@
 //! Large maps are split over frames, then over bands of output rows; the order of summation of an element depends
 //! on the weights' shape alone, so splitting changes no bit.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, conv2d as shaders};
 
 use crate::caps::Cooperative;
@@ -59,62 +58,35 @@ pub struct Conv2d {
     pub residual2: bool,
 }
 
-/// `Params` of `shaders/conv2d`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct Conv2dParams {
-    pixels: u32,
-    wo: u32,
-    frame_pixels: u32,
-    hi: u32,
-    wi: u32,
-    ci: u32,
-    co: u32,
-    kw: u32,
-    taps: u32,
-    stride: u32,
-    pad: u32,
-    oy0: u32,
-    iy0: u32,
-    x_rest: u32,
-    y_rest: u32,
-    n0: u32,
-    blocks: u32,
-    k_packed: u32,
-    act: u32,
-    flags: u32,
-    low: f32,
-    group: u32,
-    pad0: u32,
-    pad1: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/conv2d`.
+    pub struct Conv2dParams {
+        pixels: u32,
+        wo: u32,
+        frame_pixels: u32,
+        hi: u32,
+        wi: u32,
+        ci: u32,
+        co: u32,
+        kw: u32,
+        taps: u32,
+        stride: u32,
+        pad: u32,
+        oy0: u32,
+        iy0: u32,
+        x_rest: u32,
+        y_rest: u32,
+        n0: u32,
+        blocks: u32,
+        k_packed: u32,
+        act: u32,
+        flags: u32,
+        low: f32,
+        group: u32,
+        pad0: u32,
+        pad1: u32,
+    }
 }
-
-crate::layout::layout!(Conv2dParams {
-    pixels,
-    wo,
-    frame_pixels,
-    hi,
-    wi,
-    ci,
-    co,
-    kw,
-    taps,
-    stride,
-    pad,
-    oy0,
-    iy0,
-    x_rest,
-    y_rest,
-    n0,
-    blocks,
-    k_packed,
-    act,
-    flags,
-    low,
-    group,
-    pad0,
-    pad1,
-});
 
 const HAS_BIAS: u32 = 1;
 const HAS_RESIDUAL: u32 = 2;

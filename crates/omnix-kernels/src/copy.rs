@@ -6,7 +6,6 @@
 //! Strides and offsets are in elements. Dimensions that are contiguous in both tensors are merged, and where
 //! everything is a multiple of four elements, four are moved at a time.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::copy as shaders;
 
 use crate::cover::{cover, room, steps, unit};
@@ -55,22 +54,20 @@ pub struct Copy {
     pub dst: Strided,
 }
 
-/// `Params` of `shaders/copy`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct CopyParams {
-    dims: [[u32; 4]; 6],
-    rank: u32,
-    pieces: u32,
-    steps: u32,
-    total: u32,
-    src0: u32,
-    dst0: u32,
-    pad0: u32,
-    pad1: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/copy`.
+    pub struct CopyParams {
+        dims: [[u32; 4]; 6],
+        rank: u32,
+        pieces: u32,
+        steps: u32,
+        total: u32,
+        src0: u32,
+        dst0: u32,
+        pad0: u32,
+        pad1: u32,
+    }
 }
-
-crate::layout::layout!(CopyParams { dims, rank, pieces, steps, total, src0, dst0, pad0, pad1 });
 
 /// One dimension: extent and strides, in the unit of the piece.
 #[derive(Clone, Copy, Debug)]

@@ -5,7 +5,7 @@
 //! [`OFFSETS`], [`WEIGHTS`] and [`TAU`] have one row a listed pixel, in the order of the list (every pixel of the image, row
 //! by row, where there is no list). A pixel's sums do not depend on the others: any split gives the same bits.
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Zeroable as _;
 use omnix_shaders::deform_sample as shaders;
 
 use crate::cover::{cover, room};
@@ -47,62 +47,35 @@ pub struct DeformSample {
     pub listed: bool,
 }
 
-/// `Params` of `shaders/deform_sample` and `shaders/trajectory`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct DeformParams {
-    pub(crate) n: u32,
-    pub(crate) first: u32,
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-    pub(crate) hp: u32,
-    pub(crate) wp: u32,
-    pub(crate) levels: u32,
-    pub(crate) points: u32,
-    pub(crate) times: u32,
-    pub(crate) nt: u32,
-    pub(crate) skip: u32,
-    pub(crate) flags: u32,
-    pub(crate) o_rest: u32,
-    pub(crate) w_rest: u32,
-    pub(crate) i_rest: u32,
-    pub(crate) y_rest: u32,
-    pub(crate) x_rest: u32,
-    pub(crate) theta_rest: u32,
-    pub(crate) step: u32,
-    pub(crate) gate: u32,
-    pub(crate) threshold: f32,
-    pub(crate) min_norm: f32,
-    pub(crate) slot: u32,
-    pub(crate) level: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/deform_sample` and `shaders/trajectory`.
+    pub struct DeformParams {
+        pub(crate) n: u32,
+        pub(crate) first: u32,
+        pub(crate) width: u32,
+        pub(crate) height: u32,
+        pub(crate) hp: u32,
+        pub(crate) wp: u32,
+        pub(crate) levels: u32,
+        pub(crate) points: u32,
+        pub(crate) times: u32,
+        pub(crate) nt: u32,
+        pub(crate) skip: u32,
+        pub(crate) flags: u32,
+        pub(crate) o_rest: u32,
+        pub(crate) w_rest: u32,
+        pub(crate) i_rest: u32,
+        pub(crate) y_rest: u32,
+        pub(crate) x_rest: u32,
+        pub(crate) theta_rest: u32,
+        pub(crate) step: u32,
+        pub(crate) gate: u32,
+        pub(crate) threshold: f32,
+        pub(crate) min_norm: f32,
+        pub(crate) slot: u32,
+        pub(crate) level: u32,
+    }
 }
-
-crate::layout::layout!(DeformParams {
-    n,
-    first,
-    width,
-    height,
-    hp,
-    wp,
-    levels,
-    points,
-    times,
-    nt,
-    skip,
-    flags,
-    o_rest,
-    w_rest,
-    i_rest,
-    y_rest,
-    x_rest,
-    theta_rest,
-    step,
-    gate,
-    threshold,
-    min_norm,
-    slot,
-    level
-});
 
 pub(crate) const LISTED: u32 = 1;
 pub(crate) const RELATIVE: u32 = 2;

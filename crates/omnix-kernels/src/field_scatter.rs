@@ -1,7 +1,6 @@
 //! `field[s, t, cell, :] = z[t, s, i, :]` where `index[s, i] = cell`, else `rest`: the values of the chosen tokens on the
 //! grid (OmniX spec, section 7). The output turns the axes round: source image first, as the sampling reads it.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::field_scatter as shaders;
 
 use crate::cover::{cover, room};
@@ -31,38 +30,23 @@ pub struct FieldScatter {
     pub c: u32,
 }
 
-/// `Params` of `shaders/field_scatter`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct FieldScatterParams {
-    sources: u32,
-    times: u32,
-    all_sources: u32,
-    all_times: u32,
-    k: u32,
-    cells: u32,
-    c: u32,
-    z_rest: u32,
-    i_rest: u32,
-    f_rest: u32,
-    pad0: u32,
-    pad1: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/field_scatter`.
+    pub struct FieldScatterParams {
+        sources: u32,
+        times: u32,
+        all_sources: u32,
+        all_times: u32,
+        k: u32,
+        cells: u32,
+        c: u32,
+        z_rest: u32,
+        i_rest: u32,
+        f_rest: u32,
+        pad0: u32,
+        pad1: u32,
+    }
 }
-
-crate::layout::layout!(FieldScatterParams {
-    sources,
-    times,
-    all_sources,
-    all_times,
-    k,
-    cells,
-    c,
-    z_rest,
-    i_rest,
-    f_rest,
-    pad0,
-    pad1
-});
 
 /// Source images and target times of one dispatch: first and number.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,5 @@
 //! `y[r, :] = x[index[r], :]`: whole rows of 32-bit words by index; rows whose index is out of range are zero.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::gather as shaders;
 
 use crate::cover::{cover, room, steps, unit};
@@ -24,25 +23,23 @@ pub struct Gather {
     pub c: u32,
 }
 
-/// `Params` of `shaders/gather` and `shaders/scatter`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct RowsParams {
-    m: u32,
-    c: u32,
-    pieces: u32,
-    steps: u32,
-    lo: u32,
-    hi: u32,
-    n: u32,
-    x_rest: u32,
-    y_rest: u32,
-    i_rest: u32,
-    fill: u32,
-    pad0: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/gather` and `shaders/scatter`.
+    pub struct RowsParams {
+        m: u32,
+        c: u32,
+        pieces: u32,
+        steps: u32,
+        lo: u32,
+        hi: u32,
+        n: u32,
+        x_rest: u32,
+        y_rest: u32,
+        i_rest: u32,
+        fill: u32,
+        pad0: u32,
+    }
 }
-
-crate::layout::layout!(RowsParams { m, c, pieces, steps, lo, hi, n, x_rest, y_rest, i_rest, fill, pad0 });
 
 /// A window over the indexed tensor and one over the rows in order.
 pub(crate) struct RowWindows {

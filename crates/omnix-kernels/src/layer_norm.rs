@@ -4,7 +4,6 @@
 //! The sum of squares is of differences from a mean, so a large common offset costs no precision. The order of summation within a
 //! row depends on the variant and on c alone: splitting over rows changes no bit.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::layer_norm as shaders;
 
 use crate::{Activation, Arg, Caps, Dispatch, KernelError, Tier};
@@ -35,21 +34,19 @@ pub struct LayerNorm {
     pub bias: bool,
 }
 
-/// `Params` of `shaders/layer_norm`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct LayerNormParams {
-    m: u32,
-    c: u32,
-    act: u32,
-    flags: u32,
-    eps: f32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/layer_norm`.
+    pub struct LayerNormParams {
+        m: u32,
+        c: u32,
+        act: u32,
+        flags: u32,
+        eps: f32,
+        pad0: u32,
+        pad1: u32,
+        pad2: u32,
+    }
 }
-
-crate::layout::layout!(LayerNormParams { m, c, act, flags, eps, pad0, pad1, pad2 });
 
 const HAS_WEIGHT: u32 = 1;
 const HAS_BIAS: u32 = 2;

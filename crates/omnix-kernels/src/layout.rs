@@ -15,19 +15,24 @@ pub trait HostParams: bytemuck::Pod {
     const LAYOUT: Layout;
 }
 
-/// Implements [`HostParams`] for a struct; every member must be listed, or the struct does not destructure.
-macro_rules! layout {
-    ($name:ident { $($member:ident),* $(,)? }) => {
+/// Makes the `Params` struct of a shader, of plain 32-bit numbers and arrays of them, with its [`HostParams`].
+macro_rules! params {
+    ($(#[$doc:meta])* pub struct $name:ident {
+        $($(#[$field_doc:meta])* $access:vis $member:ident: $kind:ty),* $(,)?
+    }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+        #[repr(C)]
+        pub struct $name {
+            $($(#[$field_doc])* $access $member: $kind,)*
+        }
+
         impl $crate::layout::HostParams for $name {
-            const LAYOUT: $crate::layout::Layout = {
-                // Fails to compile when a member is missing from the list.
-                let _all = |all: &$name| { let $name { $($member: _),* } = all; };
-                $crate::layout::Layout {
-                    size: size_of::<$name>(),
-                    members: &[$((stringify!($member), std::mem::offset_of!($name, $member))),*],
-                }
+            const LAYOUT: $crate::layout::Layout = $crate::layout::Layout {
+                size: size_of::<$name>(),
+                members: &[$((stringify!($member), std::mem::offset_of!($name, $member))),*],
             };
         }
     };
 }
-pub(crate) use layout;
+pub(crate) use params;

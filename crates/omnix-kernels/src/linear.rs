@@ -5,7 +5,6 @@
 //! W is packed ([`PackedWeights`]); int8 columns are scaled after their sum. Sums run over k in order whatever the rows or
 //! columns of a dispatch, in the tile of few columns as eight sums that are added in one order, so splitting changes no bit.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, linear as shaders};
 use smallvec::{SmallVec, smallvec};
 
@@ -43,25 +42,23 @@ pub struct Linear {
     pub residual: bool,
 }
 
-/// `Params` of `shaders/linear`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct LinearParams {
-    m: u32,
-    n: u32,
-    k: u32,
-    n0: u32,
-    blocks: u32,
-    act: u32,
-    flags: u32,
-    k_packed: u32,
-    group: u32,
-    k0: u32,
-    k_len: u32,
-    pad0: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/linear`.
+    pub struct LinearParams {
+        m: u32,
+        n: u32,
+        k: u32,
+        n0: u32,
+        blocks: u32,
+        act: u32,
+        flags: u32,
+        k_packed: u32,
+        group: u32,
+        k0: u32,
+        k_len: u32,
+        pad0: u32,
+    }
 }
-
-crate::layout::layout!(LinearParams { m, n, k, n0, blocks, act, flags, k_packed, group, k0, k_len, pad0 });
 
 const HAS_BIAS: u32 = 1;
 const HAS_GAMMA: u32 = 2;

@@ -4,7 +4,6 @@
 //! The four usual forms of b over a as `[m, c]`: the same shape ([`Operand::same`]), a row `[c]`
 //! ([`Operand::row`]), one number per row `[m]` ([`Operand::column`]), one number ([`Operand::single`]).
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::{Shader, pointwise as shaders};
 
 use crate::cover::{cover, room};
@@ -146,25 +145,23 @@ pub struct Pointwise {
     pub op: PointwiseOp,
 }
 
-/// `Params` of `shaders/pointwise`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct PointwiseParams {
-    n: u32,
-    op: u32,
-    b_mode: u32,
-    b_div: u32,
-    b_len: u32,
-    first: u32,
-    b_first: u32,
-    rest: u32,
-    s: f32,
-    t: f32,
-    steps: u32,
-    pad0: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/pointwise`.
+    pub struct PointwiseParams {
+        n: u32,
+        op: u32,
+        b_mode: u32,
+        b_div: u32,
+        b_len: u32,
+        first: u32,
+        b_first: u32,
+        rest: u32,
+        s: f32,
+        t: f32,
+        steps: u32,
+        pad0: u32,
+    }
 }
-
-crate::layout::layout!(PointwiseParams { n, op, b_mode, b_div, b_len, first, b_first, rest, s, t, steps, pad0 });
 
 const B_NONE: u32 = 0;
 const B_SAME: u32 = 1;

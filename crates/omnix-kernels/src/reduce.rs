@@ -3,7 +3,6 @@
 //! Sums run over n in order; splitting over `outer` changes no bit. With NaN among the inputs the sums are NaN, and
 //! which number a maximum or minimum gives is up to the device.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::reduce as shaders;
 
 use crate::{Arg, Caps, Dispatch, KernelError};
@@ -42,21 +41,19 @@ pub struct Reduce {
     pub op: ReduceOp,
 }
 
-/// `Params` of `shaders/reduce`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct ReduceParams {
-    outer: u32,
-    n: u32,
-    inner: u32,
-    op: u32,
-    x_skip: u32,
-    y_skip: u32,
-    pad0: u32,
-    pad1: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/reduce`.
+    pub struct ReduceParams {
+        outer: u32,
+        n: u32,
+        inner: u32,
+        op: u32,
+        x_skip: u32,
+        y_skip: u32,
+        pad0: u32,
+        pad1: u32,
+    }
 }
-
-crate::layout::layout!(ReduceParams { outer, n, inner, op, x_skip, y_skip, pad0, pad1 });
 
 /// Outputs of a workgroup.
 const GROUP: u64 = 64;

@@ -5,7 +5,6 @@
 //! reference from three views on; with one or two any strategy but [`Strategy::Middle`] and [`Strategy::Forced`]
 //! still gives a valid order, which they do not use.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::reference_view as shaders;
 
 use crate::{Arg, Caps, Dispatch, KernelError};
@@ -47,21 +46,19 @@ pub struct ReferenceView {
     pub strategy: Strategy,
 }
 
-/// `Params` of `shaders/reference_view`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct ReferenceViewParams {
-    s: u32,
-    c: u32,
-    stage: u32,
-    start: u32,
-    forced: u32,
-    first: u32,
-    end: u32,
-    pad0: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/reference_view`.
+    pub struct ReferenceViewParams {
+        s: u32,
+        c: u32,
+        stage: u32,
+        start: u32,
+        forced: u32,
+        first: u32,
+        end: u32,
+        pad0: u32,
+    }
 }
-
-crate::layout::layout!(ReferenceViewParams { s, c, stage, start, forced, first, end, pad0 });
 
 const MEAN_SIMILARITY: u32 = 0;
 const LENGTH: u32 = 1;

@@ -8,7 +8,6 @@
 //! coordinates are rational and split into cell and fraction in integers, so they are exact to f32's rounding of
 //! the fraction. Each output is computed alone: splitting changes no bit.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::resize as shaders;
 
 use crate::cover::{cover, room};
@@ -112,54 +111,31 @@ pub struct Resize {
     pub code: bool,
 }
 
-/// `Params` of `shaders/resize`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct ResizeParams {
-    pixels: u32,
-    frame_pixels: u32,
-    wo: u32,
-    hi: u32,
-    wi: u32,
-    c: u32,
-    y_a: u32,
-    y_b: u32,
-    y_d: u32,
-    x_a: u32,
-    x_b: u32,
-    x_d: u32,
-    oy0: u32,
-    iy0: u32,
-    x_rest: u32,
-    y_rest: u32,
-    code_rest: u32,
-    clamp: u32,
-    has_code: u32,
-    lanes: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/resize`.
+    pub struct ResizeParams {
+        pixels: u32,
+        frame_pixels: u32,
+        wo: u32,
+        hi: u32,
+        wi: u32,
+        c: u32,
+        y_a: u32,
+        y_b: u32,
+        y_d: u32,
+        x_a: u32,
+        x_b: u32,
+        x_d: u32,
+        oy0: u32,
+        iy0: u32,
+        x_rest: u32,
+        y_rest: u32,
+        code_rest: u32,
+        clamp: u32,
+        has_code: u32,
+        lanes: u32,
+    }
 }
-
-crate::layout::layout!(ResizeParams {
-    pixels,
-    frame_pixels,
-    wo,
-    hi,
-    wi,
-    c,
-    y_a,
-    y_b,
-    y_d,
-    x_a,
-    x_b,
-    x_d,
-    oy0,
-    iy0,
-    x_rest,
-    y_rest,
-    code_rest,
-    clamp,
-    has_code,
-    lanes,
-});
 
 /// The source coordinate of output o: `(o·a + b) / d − 1`, the numerator never negative.
 #[derive(Clone, Copy, Debug)]

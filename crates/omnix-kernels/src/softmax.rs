@@ -3,7 +3,6 @@
 //! A row of −∞ alone gives zeros. +∞ or NaN in a row give NaN in that row only. Sums run over n in order:
 //! splitting over rows changes no bit. (`attention` has its own, online, and does not need this.)
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::softmax as shaders;
 
 use crate::{Arg, Caps, Dispatch, KernelError};
@@ -22,17 +21,15 @@ pub struct Softmax {
     pub n: u32,
 }
 
-/// `Params` of `shaders/softmax`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct SoftmaxParams {
-    m: u32,
-    n: u32,
-    pad0: u32,
-    pad1: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/softmax`.
+    pub struct SoftmaxParams {
+        m: u32,
+        n: u32,
+        pad0: u32,
+        pad1: u32,
+    }
 }
-
-crate::layout::layout!(SoftmaxParams { m, n, pad0, pad1 });
 
 /// Rows of a workgroup.
 const GROUP_ROWS: u64 = 64;

@@ -10,7 +10,6 @@
 //! j < D/4 pairs with j + D/4. A row of [`TABLE`] has D/2 cosines (row half first), then D/2 sines; token t
 //! takes row t mod `rope_rows`. Every output depends on one row of x alone: splitting changes no bit.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::split_heads as shaders;
 
 use crate::dispatch::round_up;
@@ -61,54 +60,31 @@ pub struct SplitHeads {
     pub layout: HeadLayout,
 }
 
-/// `Params` of `shaders/split_heads`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct SplitHeadsParams {
-    tokens: u32,
-    tokens_pad: u32,
-    heads: u32,
-    head_dim: u32,
-    dp: u32,
-    x_stride: u32,
-    x_offset: u32,
-    x_row0: u32,
-    head0: u32,
-    head_count: u32,
-    t0: u32,
-    t_count: u32,
-    y_t0: u32,
-    rope_rows: u32,
-    flags: u32,
-    eps: f32,
-    scale: f32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/split_heads`.
+    pub struct SplitHeadsParams {
+        tokens: u32,
+        tokens_pad: u32,
+        heads: u32,
+        head_dim: u32,
+        dp: u32,
+        x_stride: u32,
+        x_offset: u32,
+        x_row0: u32,
+        head0: u32,
+        head_count: u32,
+        t0: u32,
+        t_count: u32,
+        y_t0: u32,
+        rope_rows: u32,
+        flags: u32,
+        eps: f32,
+        scale: f32,
+        pad0: u32,
+        pad1: u32,
+        pad2: u32,
+    }
 }
-
-crate::layout::layout!(SplitHeadsParams {
-    tokens,
-    tokens_pad,
-    heads,
-    head_dim,
-    dp,
-    x_stride,
-    x_offset,
-    x_row0,
-    head0,
-    head_count,
-    t0,
-    t_count,
-    y_t0,
-    rope_rows,
-    flags,
-    eps,
-    scale,
-    pad0,
-    pad1,
-    pad2
-});
 
 const NORM: u32 = 1;
 const ROPE: u32 = 2;

@@ -1,6 +1,5 @@
 //! `y[m, j] = silu(x[m, j]) · x[m, h + j]`: the gate of a SwiGLU feed-forward layer, both halves from one product.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::swiglu as shaders;
 
 use crate::cover::{cover, room};
@@ -20,17 +19,15 @@ pub struct SwiGlu {
     pub h: u32,
 }
 
-/// `Params` of `shaders/swiglu`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct SwiGluParams {
-    n: u32,
-    h: u32,
-    x_rest: u32,
-    y_rest: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/swiglu`.
+    pub struct SwiGluParams {
+        n: u32,
+        h: u32,
+        x_rest: u32,
+        y_rest: u32,
+    }
 }
-
-crate::layout::layout!(SwiGluParams { n, h, x_rest, y_rest });
 
 impl SwiGlu {
     /// Bytes read and written.

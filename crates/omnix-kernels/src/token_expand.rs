@@ -2,7 +2,6 @@
 //! marked with that time's code. With one gain per token and no scale this is OmniX's expansion (spec, section 5.4); the rest
 //! serves its AdaLN ablations (section 9).
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::token_expand as shaders;
 
 use crate::cover::{cover, room, steps, unit};
@@ -38,46 +37,27 @@ pub struct TokenExpand {
     pub kappa: bool,
 }
 
-/// `Params` of `shaders/token_expand`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct TokenExpandParams {
-    rows: u32,
-    times: u32,
-    stride: u32,
-    d: u32,
-    pieces: u32,
-    steps: u32,
-    flags: u32,
-    q_rest: u32,
-    scale_rest: u32,
-    shift_rest: u32,
-    alpha_rest: u32,
-    kappa_rest: u32,
-    z_rest: u32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/token_expand`.
+    pub struct TokenExpandParams {
+        rows: u32,
+        times: u32,
+        stride: u32,
+        d: u32,
+        pieces: u32,
+        steps: u32,
+        flags: u32,
+        q_rest: u32,
+        scale_rest: u32,
+        shift_rest: u32,
+        alpha_rest: u32,
+        kappa_rest: u32,
+        z_rest: u32,
+        pad0: u32,
+        pad1: u32,
+        pad2: u32,
+    }
 }
-
-crate::layout::layout!(TokenExpandParams {
-    rows,
-    times,
-    stride,
-    d,
-    pieces,
-    steps,
-    flags,
-    q_rest,
-    scale_rest,
-    shift_rest,
-    alpha_rest,
-    kappa_rest,
-    z_rest,
-    pad0,
-    pad1,
-    pad2
-});
 
 const HAS_SCALE: u32 = 1;
 const HAS_ALPHA: u32 = 2;

@@ -4,7 +4,6 @@
 //! Ties: the lower index wins; −0 equals 0; NaN counts as lowest, below −∞. Exact and deterministic: the k-th
 //! largest is found by counting over the bits of order-preserving integers (32 readings of a row by one workgroup).
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::top_k as shaders;
 
 use crate::cover::{cover, room};
@@ -30,21 +29,19 @@ pub struct TopK {
     pub flat: bool,
 }
 
-/// `Params` of `shaders/top_k`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct TopKParams {
-    rows: u32,
-    n: u32,
-    k: u32,
-    x_rest: u32,
-    i_rest: u32,
-    m_rest: u32,
-    flat: u32,
-    row0: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/top_k`.
+    pub struct TopKParams {
+        rows: u32,
+        n: u32,
+        k: u32,
+        x_rest: u32,
+        i_rest: u32,
+        m_rest: u32,
+        flat: u32,
+        row0: u32,
+    }
 }
-
-crate::layout::layout!(TopKParams { rows, n, k, x_rest, i_rest, m_rest, flat, row0 });
 
 impl TopK {
     /// Bytes read and written: the 34 readings of x, and the results.

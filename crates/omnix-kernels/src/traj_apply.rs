@@ -3,7 +3,6 @@
 //! by Gram-Schmidt with a floor under the norms (below it, not a rotation: computed as written), the last three shift;
 //! both relative to the image's own time, or not.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::traj_apply as shaders;
 
 use crate::cover::{cover, room};
@@ -65,46 +64,27 @@ pub struct TrajApply {
     pub motion: Motion,
 }
 
-/// `Params` of `shaders/traj_apply`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct TrajApplyParams {
-    n: u32,
-    times: u32,
-    t0: u32,
-    nt: u32,
-    step: u32,
-    relative: u32,
-    gate: u32,
-    threshold: f32,
-    min_norm: f32,
-    tau_rest: u32,
-    x_rest: u32,
-    y_rest: u32,
-    theta_rest: u32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/traj_apply`.
+    pub struct TrajApplyParams {
+        n: u32,
+        times: u32,
+        t0: u32,
+        nt: u32,
+        step: u32,
+        relative: u32,
+        gate: u32,
+        threshold: f32,
+        min_norm: f32,
+        tau_rest: u32,
+        x_rest: u32,
+        y_rest: u32,
+        theta_rest: u32,
+        pad0: u32,
+        pad1: u32,
+        pad2: u32,
+    }
 }
-
-crate::layout::layout!(TrajApplyParams {
-    n,
-    times,
-    t0,
-    nt,
-    step,
-    relative,
-    gate,
-    threshold,
-    min_norm,
-    tau_rest,
-    x_rest,
-    y_rest,
-    theta_rest,
-    pad0,
-    pad1,
-    pad2
-});
 
 /// How many times a dispatch over `n` of `all` pixels may write into one window of `[T, all, 3]`; 0 when not even one.
 pub(crate) fn times_of_window(n: u64, all: u64, caps: &Caps) -> u64 {

@@ -10,7 +10,6 @@
 //! accuracy of Winograd convolution"): the paper's 0, ±1, ±2 have four times the error of 0, ±¾, ±1½ here, within 4e-6 of
 //! the oracle relative to its largest value, where [`Conv2d`] is within 2e-6. A number that is not finite spreads over its tiles.
 
-use bytemuck::{Pod, Zeroable};
 use omnix_shaders::winograd as shaders;
 
 use crate::conv2d::Conv2d;
@@ -30,54 +29,31 @@ pub struct Winograd {
     pub conv: Conv2d,
 }
 
-/// `Params` of `shaders/winograd`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct WinogradParams {
-    tiles: u32,
-    tile0: u32,
-    stride: u32,
-    across: u32,
-    down: u32,
-    hi: u32,
-    wi: u32,
-    ho: u32,
-    wo: u32,
-    ci: u32,
-    co: u32,
-    pad: u32,
-    x_rest: u32,
-    y_rest: u32,
-    blocks: u32,
-    group: u32,
-    flags: u32,
-    low: f32,
-    floor: f32,
-    pad0: u32,
+crate::layout::params! {
+    /// `Params` of `shaders/winograd`.
+    pub struct WinogradParams {
+        tiles: u32,
+        tile0: u32,
+        stride: u32,
+        across: u32,
+        down: u32,
+        hi: u32,
+        wi: u32,
+        ho: u32,
+        wo: u32,
+        ci: u32,
+        co: u32,
+        pad: u32,
+        x_rest: u32,
+        y_rest: u32,
+        blocks: u32,
+        group: u32,
+        flags: u32,
+        low: f32,
+        floor: f32,
+        pad0: u32,
+    }
 }
-
-crate::layout::layout!(WinogradParams {
-    tiles,
-    tile0,
-    stride,
-    across,
-    down,
-    hi,
-    wi,
-    ho,
-    wo,
-    ci,
-    co,
-    pad,
-    x_rest,
-    y_rest,
-    blocks,
-    group,
-    flags,
-    low,
-    floor,
-    pad0,
-});
 
 /// Channels, as the harmonic mean of those in and out, from which on this is faster than the sum over taps: the product takes time
 /// by their product, the transforms by their sum.
