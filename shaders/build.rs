@@ -105,15 +105,32 @@ fn build_variant(root: &Path, kernel: &str, variant: &Variant) -> Result<String,
         fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))
     };
     let wgsl = compose::compose(&source, &variant.defines, &load).map_err(|e| format!("{file}: {e}"))?;
-    let module = naga::front::wgsl::parse_str(&wgsl).map_err(|e| e.emit_to_string(&wgsl))?;
+    let module = validate(&wgsl, variant).map_err(|error| match keep(kernel, variant, &wgsl) {
+        Ok(path) => format!("{error}\ncomposed text: {}", path.display()),
+        Err(_) => error,
+    })?;
+    emit(kernel, variant, &wgsl, &module)
+}
+
+/// Leaves a faulty text where it can be read, since line numbers are of it.
+fn keep(kernel: &str, variant: &Variant, wgsl: &str) -> std::io::Result<PathBuf> {
+    let folder = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default());
+    let path = folder.join(format!("{kernel}_{}.wgsl", variant.name));
+    fs::write(&path, wgsl)?;
+    Ok(path)
+}
+
+/// Checks a composed text under exactly the capabilities that its variant declares.
+fn validate(wgsl: &str, variant: &Variant) -> Result<naga::Module, String> {
+    let module = naga::front::wgsl::parse_str(wgsl).map_err(|e| e.emit_to_string(wgsl))?;
     let info = Validator::new(ValidationFlags::all(), capabilities(&variant.requires)?)
         .validate(&module)
-        .map_err(|e| e.emit_to_string(&wgsl))?;
-    let findings = check::check(&module, &info, &wgsl);
+        .map_err(|e| e.emit_to_string(wgsl))?;
+    let findings = check::check(&module, &info, wgsl);
     if !findings.is_empty() {
         return Err(findings.join("\n"));
     }
-    emit(kernel, variant, &wgsl, &module)
+    Ok(module)
 }
 
 /// What a plain WebGPU device offers, plus what the variant asks for.
