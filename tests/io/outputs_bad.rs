@@ -5,6 +5,7 @@ use std::{fs, path::Path};
 use omnix_io::{
     Export, FrameChoice, IoError, RunSummary, SinkOptions, open_sinks,
     output::manifest::{Manifest, ManifestFrame, Weights, WrittenFile},
+    preprocess::OmnixPreprocess,
     probe, write_manifest,
 };
 use serde_json::{Map, Value, json};
@@ -136,7 +137,7 @@ fn manifest_states_everything() {
         memory: json!({}),
         timings_s: json!({}),
         versions: Map::from_iter([("wgpu".to_owned(), Value::from("30"))]),
-        frames: ManifestFrame::of_plan(&plan, (504, 378), 1),
+        frames: ManifestFrame::of_plan(&plan, |f| OmnixPreprocess::default().framing(f.width, f.height).unwrap(), 1),
         notes: Vec::new(),
         files: files.into_iter().map(|path| WrittenFile { path, moving: false }).collect(),
         network_points: "ray maps".into(),
@@ -146,8 +147,12 @@ fn manifest_states_everything() {
     let text = fs::read_to_string(path).unwrap();
     let document: Value = serde_json::from_str(&text).unwrap();
     assert_eq!((&document["interrupted"], &document["images"][0]["done"]), (&json!(true), &json!(true)));
-    let size = json!({ "width": 504, "height": 378 });
-    assert_eq!((&document["images"][1]["done"], &document["images"][1]["size"]), (&json!(false), &size));
+    let size = |width: u32, height: u32| json!({ "width": width, "height": height });
+    let image = &document["images"][1];
+    assert_eq!((&image["done"], &image["size"]), (&json!(false), &size(504, 280)));
+    // 40 x 30 covers 504 x 280 at 504 x 378, of which the middle is kept.
+    let crop = json!({ "left": 0, "top": 49, "width": 504, "height": 280 });
+    assert_eq!((&image["resized"], &image["crop"]), (&size(504, 378), &crop));
     for file in document["files"].as_array().unwrap() {
         assert!(out.join(file["path"].as_str().unwrap()).is_file(), "{file}");
         assert_ne!(file["contains"], "see the name", "{file}");

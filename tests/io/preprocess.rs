@@ -1,7 +1,7 @@
 //! Preprocessing against recorded pictures of both references.
 
 use omnix_io::preprocess::{
-    Da3Preprocess, OmnixPreprocess, ResizeMethod, centre_crop, common_size, exported_picture, normalise,
+    Da3Preprocess, Framing, OmnixPreprocess, ResizeMethod, centre_crop, common_size, exported_picture, normalise,
 };
 use safetensors::SafeTensors;
 
@@ -151,4 +151,47 @@ fn exported_picture_truncates() {
     let (worst, count) = difference(&picture.data, &out.data);
     assert!(worst == 1 && count > 0, "{count} of the samples lower by {worst}");
     assert!(picture.data.iter().zip(&out.data).all(|(a, b)| b <= a));
+}
+
+/// Where a pixel of the source is in the prepared picture, by the framing.
+fn placed(framing: Framing, source: (u32, u32), k: [[f32; 3]; 3]) -> [f64; 4] {
+    let scale =
+        [f64::from(framing.resized.0) / f64::from(source.0), f64::from(framing.resized.1) / f64::from(source.1)];
+    let k = k.map(|row| row.map(f64::from));
+    let [left, top, ..] = framing.crop.map(f64::from);
+    [k[0][0] * scale[0], k[1][1] * scale[1], k[0][2] * scale[0] - left, k[1][2] * scale[1] - top]
+}
+
+#[test]
+fn framing_leads_back_to_the_source() {
+    let k = [[310.0, 0.0, 90.0], [0.0, 300.0, 70.0], [0.0, 0.0, 1.0]];
+    for name in ["upper_bound_resize", "upper_bound_crop", "lower_bound_resize", "lower_bound_crop"] {
+        for (w, h) in [(181, 143), (143, 181), (200, 100), (64, 64)] {
+            let settings = Da3Preprocess { process_res: 98, method: name.parse().unwrap() };
+            let whole = settings.apply(&pattern(w, h), Some(k)).unwrap();
+            let common = (whole.picture.width.min(84), whole.picture.height.min(56));
+            let cut = centre_crop(whole, common);
+            let framing = settings.framing(w, h, common).unwrap();
+            assert_eq!((framing.crop[2], framing.crop[3]), common, "{name} {w} x {h}");
+            let made = cut.intrinsics.unwrap();
+            let made = [made[0][0], made[1][1], made[0][2], made[1][2]].map(f64::from);
+            for (a, b) in made.iter().zip(placed(framing, (w, h), k)) {
+                assert!((a - b).abs() < 1e-3, "{name} {w} x {h}: {made:?} by {framing:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn framing_of_a_fixed_size_says_what_is_cut() {
+    // A picture whose left half is black and right half white: the edge is where the framing says.
+    let (w, h) = (300, 100);
+    let data = (0..w * h).flat_map(|i| [if i % w < w / 2 { 0 } else { 255 }; 3]).collect();
+    let settings = OmnixPreprocess { width: 84, height: 56 };
+    let framing = settings.framing(w, h).unwrap();
+    assert_eq!((framing.resized, framing.crop), ((168, 56), [42, 0, 84, 56]));
+    assert!((framing.kept() - 0.5).abs() < 1e-12);
+    let out = settings.apply(&omnix_io::Picture::new(w, h, data)).unwrap();
+    let edge = (0..84).position(|x| out.data[x * 3] > 127).unwrap();
+    assert_eq!(edge, 42, "150 * 168 / 300 - 42");
 }

@@ -33,12 +33,13 @@ const HOURS: f64 = 1.0;
 impl Job {
     /// Lists frames, opens weights, finds sizes. Nothing is decoded.
     pub(crate) fn new(inputs: &[PathBuf], args: &RunArgs, ui: &mut Ui) -> Result<Self, CliError> {
-        let input = probe(inputs, choice(args))?;
+        let mut input = probe(inputs, choice(args))?;
         let weights = Weights::find(&args.weights)?;
+        let preparation = Preparation::new(&weights, args, &input)?;
+        input.notes.extend(preparation.note(&input));
         for note in &input.notes {
             ui.note(note);
         }
-        let preparation = Preparation::new(&weights, args, &input)?;
         let (width, height) = preparation.size();
         let mut request = request(args, input.frames.len(), width, height);
         request.times = Some(input.frames.iter().map(|f| (f.video, f.frame)).collect());

@@ -1,8 +1,10 @@
 //! How pictures are brought to the network's size: Depth Anything 3's way or OmniX's, chosen by the checkpoint.
 
 use omnix::Weights;
-use omnix::io::preprocess::{Da3Preprocess, OmnixPreprocess, PATCH, Processed, ResizeMethod, centre_crop, common_size};
-use omnix::io::{InputPlan, IoError, Picture};
+use omnix::io::preprocess::{
+    Da3Preprocess, Framing, OmnixPreprocess, PATCH, Processed, ResizeMethod, centre_crop, common_size,
+};
+use omnix::io::{InputPlan, IoError, Picture, PlannedFrame};
 use omnix::model::config::Family;
 use serde_json::{Value, json};
 
@@ -13,6 +15,9 @@ use crate::error::CliError;
 const PATCHES: f64 = 36.0 * 20.0;
 /// Patches of 140x84 pixels, where the embedded checkpoint was trained.
 const PATCHES_NANO: f64 = 10.0 * 6.0;
+
+/// Share of a picture below which so little of it is kept that its owner is told.
+const MUCH: f64 = 0.8;
 
 /// Settings and the one size of a run.
 #[derive(Debug, Clone, Copy)]
@@ -72,6 +77,32 @@ impl Preparation {
             Self::DepthAnything { common, .. } => *common,
             Self::OmniX(steps) => (steps.width, steps.height),
         }
+    }
+
+    /// How a frame's picture comes to that size.
+    pub(crate) fn framing(&self, frame: &PlannedFrame) -> Framing {
+        let (width, height) = (frame.width, frame.height);
+        let framing = match self {
+            Self::DepthAnything { steps, common } => steps.framing(width, height, *common),
+            Self::OmniX(steps) => steps.framing(width, height),
+        };
+        // A size that cannot be had is an error of reading the picture; until then nothing of it is kept.
+        framing.unwrap_or(Framing { resized: (width, height), crop: [0; 4] })
+    }
+
+    /// Says it where pictures lose much to the common shape.
+    pub(crate) fn note(&self, input: &InputPlan) -> Option<String> {
+        let kept = |frame: &PlannedFrame| self.framing(frame).kept();
+        let cut = input.frames.iter().filter(|f| kept(f) < MUCH).count();
+        let worst = input.frames.iter().min_by(|a, b| kept(a).total_cmp(&kept(b))).filter(|_| cut > 0)?;
+        let (width, height) = self.size();
+        let lost = 100.0 * (1.0 - kept(worst));
+        Some(format!(
+            "{cut} of {} image(s) are cropped to the common shape of {width}x{height}; {} loses {lost:.0} % of its picture: \
+             reconstruct pictures of one shape together, or choose the size",
+            input.frames.len(),
+            worst.path.display(),
+        ))
     }
 
     /// One picture at the network's size.

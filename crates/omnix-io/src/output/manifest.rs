@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use super::atomic;
 use super::export::Export;
 use super::format::Points;
-use crate::{InputPlan, IoError};
+use crate::{InputPlan, IoError, PlannedFrame, preprocess::Framing};
 
 /// Layout version of the manifest.
 pub const FORMAT: &str = "omnix-manifest-1";
@@ -30,6 +30,19 @@ pub struct Weights {
 /// A size in pixels, with names: pairs of numbers are read in the wrong order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Size {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+}
+
+/// A rectangle of a picture, in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Crop {
+    /// Pixels left of it.
+    pub left: u32,
+    /// Pixels above it.
+    pub top: u32,
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
@@ -68,8 +81,12 @@ pub struct ManifestFrame {
     pub time_s: Option<f64>,
     /// Picture or video file, as reached from the input as given.
     pub source: String,
-    /// Size of the source picture.
+    /// Size of the source picture, upright and with square pixels.
     pub source_size: Size,
+    /// Size that it was resized to.
+    pub resized: Size,
+    /// What was cut out of that.
+    pub crop: Crop,
     /// Size of the exported maps.
     pub size: Size,
     /// Whether its results were finished.
@@ -77,20 +94,25 @@ pub struct ManifestFrame {
 }
 
 impl ManifestFrame {
-    /// The frames of a plan, all processed to `size`; the first `done` of them finished.
+    /// The frames of a plan, each with how it was resized and cut; the first `done` of them finished.
     #[must_use]
-    pub fn of_plan(plan: &InputPlan, size: (u32, u32), done: usize) -> Vec<Self> {
-        let frame = |f: &crate::PlannedFrame| Self {
-            index: f.index,
-            video: f.video,
-            frame: f.frame,
-            time: f.index,
-            source_frame: f.source_frame,
-            time_s: f.time_s,
-            source: path_text(&f.path),
-            source_size: Size { width: f.width, height: f.height },
-            size: Size { width: size.0, height: size.1 },
-            done: f.index < done,
+    pub fn of_plan(plan: &InputPlan, framing: impl Fn(&PlannedFrame) -> Framing, done: usize) -> Vec<Self> {
+        let frame = |f: &PlannedFrame| {
+            let Framing { resized, crop: [left, top, width, height] } = framing(f);
+            Self {
+                index: f.index,
+                video: f.video,
+                frame: f.frame,
+                time: f.index,
+                source_frame: f.source_frame,
+                time_s: f.time_s,
+                source: path_text(&f.path),
+                source_size: Size { width: f.width, height: f.height },
+                resized: Size { width: resized.0, height: resized.1 },
+                crop: Crop { left, top, width, height },
+                size: Size { width, height },
+                done: f.index < done,
+            }
         };
         plan.frames.iter().map(frame).collect()
     }
@@ -162,6 +184,7 @@ pub fn write_manifest(dir: &Path, manifest: &Manifest) -> Result<PathBuf, IoErro
             "extrinsics": "world-to-camera [R|t], 3x4, column vectors: x_camera = R x_world + t",
             "world": "the network's: close to the reference view's camera; scene.glb states its own",
             "intrinsics": "3x3 in pixels of the exported maps",
+            "source_pictures": "upright, with square pixels, source_size is resized to `resized`, of which crop is the exported map; with s = resized / source_size the source's intrinsics are fx / s_x, fy / s_y, (cx + left) / s_x, (cy + top) / s_y",
             "pixel_positions": "whole numbers: the centre of the top left pixel is (0, 0)",
             "depth": "along the camera's z axis, not along the ray",
             "points_from": "files that hold points say which: \"depth and camera\" is each pixel's depth, unprojected with the exported camera; \"ray maps\" is the network's own points, origin + depth * direction of each pixel's ray, where trajectories start. A network that does not agree with itself puts the two in different places",

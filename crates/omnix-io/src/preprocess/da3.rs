@@ -12,6 +12,7 @@ use std::str::FromStr;
 
 use super::{
     PATCH,
+    framing::Framing,
     opencv::{resize_area, resize_cubic},
 };
 use crate::{IoError, Picture};
@@ -106,6 +107,20 @@ impl Da3Preprocess {
     /// A size that would be nothing or beyond 64 million pixels on the way.
     pub fn output_size(&self, width: u32, height: u32) -> Result<(u32, u32), IoError> {
         self.steps(width, height).map(|s| s.last)
+    }
+
+    /// How a picture of this size comes to `common`, the size that a batch is cropped to ([`common_size`]).
+    ///
+    /// # Errors
+    /// As [`Da3Preprocess::output_size`].
+    pub fn framing(&self, width: u32, height: u32, common: (u32, u32)) -> Result<Framing, IoError> {
+        let steps = self.steps(width, height)?;
+        let one = if self.method.crops() {
+            Framing::whole(steps.bounded).centre(steps.last)
+        } else {
+            Framing::whole(steps.last)
+        };
+        Ok(one.centre(common))
     }
 
     /// Resamples or crops one picture; `intrinsics` are in its pixels.

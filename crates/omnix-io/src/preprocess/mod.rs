@@ -7,11 +7,13 @@
 //! Everything before [`normalise`] is 8-bit, since both references round to 8 bits after each resampling.
 
 mod da3;
+mod framing;
 mod omnix;
 mod opencv;
 mod pillow;
 
 pub use da3::{Da3Preprocess, Processed, ResizeMethod, centre_crop, common_size};
+pub use framing::Framing;
 pub use omnix::OmnixPreprocess;
 pub use opencv::{resize_area, resize_cubic};
 pub use pillow::{PillowFilter, resize_pillow};

@@ -5,6 +5,7 @@
 
 use super::{
     PATCH,
+    framing::Framing,
     pillow::{PillowFilter, resize_pillow},
 };
 use crate::{IoError, Picture};
@@ -28,18 +29,14 @@ impl Default for OmnixPreprocess {
 }
 
 impl OmnixPreprocess {
-    /// Resizes and crops one picture to exactly the fixed size.
+    /// How a picture of this size comes to the fixed size.
     ///
     /// # Errors
-    /// A fixed size that is no multiple of 14; a picture so narrow that covering the size takes more than 64 million pixels.
-    pub fn apply(&self, picture: &Picture) -> Result<Picture, IoError> {
-        let (w, h) = (f64::from(picture.width), f64::from(picture.height));
-        let refuse = |becomes: String, cure: &str| IoError::DegenerateSize {
-            width: picture.width,
-            height: picture.height,
-            becomes,
-            cure: cure.to_owned(),
-        };
+    /// A fixed size that is not a multiple of 14; a picture so narrow that covering the size takes more than 64 million pixels.
+    pub fn framing(&self, width: u32, height: u32) -> Result<Framing, IoError> {
+        let (w, h) = (f64::from(width), f64::from(height));
+        let refuse =
+            |becomes: String, cure: &str| IoError::DegenerateSize { width, height, becomes, cure: cure.to_owned() };
         if self.width == 0
             || self.height == 0
             || !self.width.is_multiple_of(PATCH)
@@ -56,10 +53,22 @@ impl OmnixPreprocess {
             ));
         }
         // The 1e-8 keeps both sides from falling short; the lower bound is for pictures beyond its precision.
-        let (across, down) = ((across as u32).max(self.width), (down as u32).max(self.height));
-        let filter = if scale < 1.0 { PillowFilter::Lanczos } else { PillowFilter::Bicubic };
-        let resized = resize_pillow(picture, across, down, filter);
+        let resized = ((across as u32).max(self.width), (down as u32).max(self.height));
         let half = |extra: u32| (f64::from(extra) / 2.0).round_ties_even() as u32;
-        Ok(resized.crop(half(across - self.width), half(down - self.height), self.width, self.height))
+        let (left, top) = (half(resized.0 - self.width), half(resized.1 - self.height));
+        Ok(Framing { resized, crop: [left, top, self.width, self.height] })
+    }
+
+    /// Resizes and crops one picture to exactly the fixed size.
+    ///
+    /// # Errors
+    /// As [`OmnixPreprocess::framing`].
+    pub fn apply(&self, picture: &Picture) -> Result<Picture, IoError> {
+        let Framing { resized: (across, down), crop: [left, top, width, height] } =
+            self.framing(picture.width, picture.height)?;
+        let (w, h) = (f64::from(picture.width), f64::from(picture.height));
+        let shrinks = (f64::from(self.width) / w).max(f64::from(self.height) / h) + 1e-8 < 1.0;
+        let filter = if shrinks { PillowFilter::Lanczos } else { PillowFilter::Bicubic };
+        Ok(resize_pillow(picture, across, down, filter).crop(left, top, width, height))
     }
 }

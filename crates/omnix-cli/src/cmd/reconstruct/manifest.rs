@@ -47,7 +47,7 @@ impl Run<'_> {
             }),
             timings_s: Value::Object(self.timings.clone()),
             versions,
-            frames: ManifestFrame::of_plan(&job.input, job.preparation.size(), self.finished),
+            frames: ManifestFrame::of_plan(&job.input, |frame| job.preparation.framing(frame), self.finished),
             notes: notes.chain(config.left_out.iter().map(|l| l.note().to_owned())).collect(),
             files,
             network_points: network_points(config).to_owned(),
