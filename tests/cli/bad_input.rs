@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-use crate::common::{finish, folder, json, omnix, picture, program, reconstruct, video};
+use crate::common::{finish, folder, json, of_kind, omnix, picture, program, reconstruct, root, video};
 
 #[test]
 fn no_adapter() {
@@ -55,6 +55,49 @@ fn truncated_video() {
 }
 
 #[test]
+fn a_damaged_video_is_used_with_a_note_or_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let (clip, out) = (dir.path().join("clip.mkv"), dir.path().join("out"));
+    video(&clip);
+    let bytes = fs::read(&clip).unwrap();
+    fs::write(&clip, &bytes[..bytes.len() * 4 / 5]).unwrap();
+    let ran = reconstruct(&clip, &out, &["--export", "npz", "--size", "28x28"]).ok();
+    let note = json(&out.join("manifest.json"))["notes"][0].as_str().unwrap().to_owned();
+    assert!(note.contains("cut off") && note.contains("of about 10 frames"), "{note}");
+    assert!(ran.err.contains(&note), "{}", ran.err);
+    reconstruct(&clip, &dir.path().join("none"), &["--strict"]).fails(3, &["cut off", "clip.mkv"]);
+    assert!(!dir.path().join("none").exists());
+}
+
+#[test]
+fn a_picture_too_large_for_the_budget() {
+    let dir = tempfile::tempdir().unwrap();
+    let bomb = root().join("tests/data/io/huge.webp");
+    let out = dir.path().join("out");
+    let ran = reconstruct(&bomb, &out, &["--memory-budget", "200MiB", "--size", "28x28"]);
+    ran.fails(5, &["13000 x 13000", "200.0 MiB may be used", "smaller", "--memory-budget"]);
+    assert!(!out.join("manifest.json").exists());
+    let plan = omnix(&["plan", bomb.to_str().unwrap(), "--size", "28x28", "--json"]).ok();
+    let bytes = of_kind(&plan.events(), "plan")[0]["process_bytes"].as_u64().unwrap();
+    assert!(bytes > 8 * 13_000 * 13_000, "{bytes}");
+}
+
+#[test]
+fn pictures_of_two_shapes() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frames, out) = (dir.path().join("frames"), dir.path().join("out"));
+    picture(&frames.join("0.png"), 160, 120, 0);
+    picture(&frames.join("1.png"), 120, 160, 0);
+    let ran = reconstruct(&frames, &out, &["--export", "npz", "--size", "56x42"]).ok();
+    assert!(ran.err.contains("1 of 2 image(s) are cropped") && ran.err.contains("1.png loses 44 %"), "{}", ran.err);
+    let manifest = json(&out.join("manifest.json"));
+    let second = &manifest["images"][1];
+    assert_eq!(second["source_size"], serde_json::json!({ "width": 120, "height": 160 }));
+    assert_eq!(second["resized"], serde_json::json!({ "width": 56, "height": 74 }));
+    assert_eq!(second["crop"], serde_json::json!({ "left": 0, "top": 16, "width": 56, "height": 42 }));
+}
+
+#[test]
 fn no_frames() {
     let dir = tempfile::tempdir().unwrap();
     let empty = dir.path().join("empty");
@@ -76,16 +119,12 @@ fn wrong_usage() {
     let dir = tempfile::tempdir().unwrap();
     let frames = folder(dir.path(), 1);
     let out = dir.path().join("out");
-    for more in [
-        &["--export", "usdz"][..],
-        &["--frames", "2", "--fps", "1"],
-        &["--memory-budget", "much"],
-        &["--size", "100x100"],
-    ] {
+    for more in [&["--export", "usdz"][..], &["--every", "two"], &["--memory-budget", "much"], &["--size", "100x100"]] {
         let ran = reconstruct(&frames, &out, more);
         assert_eq!(ran.code, Some(2), "{more:?}: {}", ran.err);
     }
     reconstruct(&frames, &out, &["--frames", "0"]).fails(2, &["0 frames"]);
+    reconstruct(&frames, &out, &["--start", "3", "--end", "2"]).fails(2, &["an end at 2 seconds"]);
     reconstruct(&frames, &out, &["--reference", "7"]).fails(2, &["reference"]);
     assert!(!out.exists());
 }

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-use crate::common::{finite, json, many, program, reconstruct};
+use crate::common::{finite, json, many, program, reconstruct, video};
 
 /// A run that was sent a signal when its third image was finished: exit code, last event, standard error.
 fn signalled(command: &mut Command, signal: &str) -> (Option<i32>, Value, String) {
@@ -134,4 +134,42 @@ fn a_limit_of_file_sizes_is_an_error() {
     command.arg("reconstruct").arg(&frames).arg("--out").arg(&out).args(["--export", "field", "--size", "252x168"]);
     crate::common::finish(&mut command).fails(6, &["ulimit -f", "20 MiB"]);
     assert!(!out.exists());
+}
+
+/// A program that begins to run and says nothing more, in the place of ffmpeg.
+#[cfg(unix)]
+fn silent_ffmpeg(dir: &std::path::Path) -> std::path::PathBuf {
+    let fake = dir.join("silent-ffmpeg");
+    let script = "#!/bin/sh\n[ \"$1\" = -version ] && { echo ffmpeg version 6.0; exit 0; }\n\
+                  echo $$ > \"$OMNIX_TEST_PID\"\nexec sleep 60\n";
+    std::fs::write(&fake, script).unwrap();
+    assert!(Command::new("chmod").arg("+x").arg(&fake).status().unwrap().success());
+    fake
+}
+
+#[cfg(unix)]
+#[test]
+fn a_video_that_is_being_read_is_left_at_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let (clip, out, pid) = (dir.path().join("clip.mp4"), dir.path().join("out"), dir.path().join("pid"));
+    video(&clip);
+    let mut command = program();
+    command.arg("reconstruct").arg(&clip).arg("--out").arg(&out);
+    command.env("OMNIX_FFMPEG", silent_ffmpeg(dir.path())).env("OMNIX_TEST_PID", &pid);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let since = std::time::Instant::now();
+    let theirs = loop {
+        assert!(since.elapsed().as_secs() < 30, "ffmpeg was not started");
+        match std::fs::read_to_string(&pid) {
+            Ok(text) if text.ends_with('\n') => break text.trim().to_owned(),
+            _ => std::thread::sleep(std::time::Duration::from_millis(20)),
+        }
+    };
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(since.elapsed().as_secs() < 40, "it waited for ffmpeg");
+    assert!(!Command::new("kill").args(["-0", &theirs]).output().unwrap().status.success(), "ffmpeg lives on");
+    assert!(!out.exists(), "nothing was begun");
 }

@@ -7,7 +7,7 @@ use omnix_io::{FrameChoice, IoError, input::load_picture, probe};
 use crate::common::{pattern, save};
 
 fn refused(path: &Path) -> IoError {
-    let error = probe(&[path.to_str().unwrap()], FrameChoice::All).unwrap_err();
+    let error = probe(&[path.to_str().unwrap()], FrameChoice::all()).unwrap_err();
     let message = error.to_string();
     assert!(message.contains(path.file_name().unwrap().to_str().unwrap()), "no path in: {message}");
     error
@@ -17,8 +17,8 @@ fn refused(path: &Path) -> IoError {
 fn missing_files_and_patterns() {
     assert!(matches!(refused(Path::new("/nowhere/clip.mp4")), IoError::NotFound { .. }));
     assert!(matches!(refused(Path::new("/nowhere/*.png")), IoError::NotFound { .. }));
-    assert!(matches!(probe(&["a[.png"], FrameChoice::All).unwrap_err(), IoError::BadPattern { .. }));
-    assert!(matches!(probe::<&str>(&[], FrameChoice::All).unwrap_err(), IoError::NoFrames { .. }));
+    assert!(matches!(probe(&["a[.png"], FrameChoice::all()).unwrap_err(), IoError::BadPattern { .. }));
+    assert!(matches!(probe::<&str>(&[], FrameChoice::all()).unwrap_err(), IoError::NoFrames { .. }));
 }
 
 #[test]
@@ -90,11 +90,13 @@ fn folders_without_frames() {
     let dir = tempfile::tempdir().unwrap();
     assert!(matches!(refused(dir.path()), IoError::NoFrames { .. }));
     fs::write(dir.path().join("readme.md"), "x").unwrap();
-    assert!(refused(dir.path()).to_string().contains("1 file(s), none of them png"));
+    assert!(refused(dir.path()).to_string().contains("1 file(s) (readme.md), not a png"));
     fs::write(dir.path().join("clip.mp4"), "x").unwrap();
     assert!(refused(dir.path()).to_string().contains("as an input of its own"));
     let pattern = dir.path().join("*");
-    assert!(matches!(probe(&[pattern.to_str().unwrap()], FrameChoice::All), Err(IoError::NoFrames { .. })));
+    let error = probe(&[pattern.to_str().unwrap()], FrameChoice::all()).unwrap_err();
+    assert!(matches!(error, IoError::NoFrames { .. }), "{error:?}");
+    assert!(error.to_string().contains("(clip.mp4)") && error.to_string().contains("quotation marks"), "{error}");
     fs::create_dir(dir.path().join("sub")).unwrap();
     assert!(matches!(refused(dir.path()), IoError::NoFrames { .. }));
 }
@@ -105,8 +107,35 @@ fn a_picture_that_vanishes_after_planning() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     save(&pattern(8, 8), &path);
-    let plan = probe(&[path.to_str().unwrap()], FrameChoice::All).unwrap();
+    let plan = probe(&[path.to_str().unwrap()], FrameChoice::all()).unwrap();
     fs::remove_file(&path).unwrap();
     let error = omnix_io::FrameLoader::new(&plan).load(0).unwrap_err();
     assert!(matches!(error, IoError::NotFound { .. }), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices_are_refused_at_once() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["a.png", "a.mp4"] {
+        let path = dir.path().join(name);
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        assert!(matches!(refused(&path), IoError::NotAPlainFile { .. }), "{name}");
+        assert!(matches!(omnix_io::input::image_size(&path), Err(IoError::NotAPlainFile { .. })), "{name}");
+    }
+    save(&pattern(8, 8), &dir.path().join("b.png"));
+    let plan = probe(&[dir.path().to_str().unwrap()], FrameChoice::all()).unwrap();
+    assert_eq!(plan.frames.len(), 1, "beside pictures a pipe is left aside");
+    assert!(plan.notes[0].contains("a.png"), "{:?}", plan.notes);
+}
+
+#[test]
+fn a_picture_that_becomes_another_after_planning() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.png");
+    save(&pattern(8, 8), &path);
+    let plan = probe(&[path.to_str().unwrap()], FrameChoice::all()).unwrap();
+    save(&pattern(8, 7), &path);
+    let error = omnix_io::FrameLoader::new(&plan).load(0).unwrap_err();
+    assert!(matches!(error, IoError::Changed { .. }), "{error}");
 }

@@ -5,5 +5,8 @@ mod common;
 mod folders;
 mod outputs;
 mod outputs_bad;
+mod pictures;
 mod preprocess;
 mod video;
+mod video_damage;
+mod video_truth;

@@ -125,7 +125,7 @@ fn manifest_states_everything() {
     let dir = tempfile::tempdir().unwrap();
     save(&pattern(40, 30), &dir.path().join("in/a.png"));
     save(&pattern(40, 30), &dir.path().join("in/b.png"));
-    let plan = probe(&[dir.path().join("in").to_str().unwrap()], FrameChoice::All).unwrap();
+    let plan = probe(&[dir.path().join("in").to_str().unwrap()], FrameChoice::all()).unwrap();
     let out = dir.path().join("out");
     let files = run(&out, "npz,mini_npz,depth,ply,glb,tum", &SinkOptions::default(), &[(0, 0)], true);
     let manifest = Manifest {

@@ -32,12 +32,24 @@ impl DeviceArgs {
 /// Options of a run.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct RunArgs {
-    /// Use N frames of each input, evenly spread.
-    #[arg(long, value_name = "N", help_heading = "Frames", conflicts_with = "fps", allow_negative_numbers = true)]
+    /// Use at most N frames of each input, evenly spread.
+    #[arg(long, value_name = "N", help_heading = "Frames", allow_negative_numbers = true)]
     pub(crate) frames: Option<usize>,
-    /// Use F frames a second of each video.
+    /// Use at most F frames per second of each video; with --frames at most N of those.
     #[arg(long, value_name = "F", help_heading = "Frames", allow_negative_numbers = true)]
     pub(crate) fps: Option<f64>,
+    /// Use every K-th frame of each input; with --fps or --frames those of them that are left.
+    #[arg(long, value_name = "K", help_heading = "Frames", allow_negative_numbers = true)]
+    pub(crate) every: Option<usize>,
+    /// Leave out frames before this many seconds after a video's first one.
+    #[arg(long, value_name = "SECONDS", help_heading = "Frames", allow_negative_numbers = true)]
+    pub(crate) start: Option<f64>,
+    /// Leave out frames after this many seconds after a video's first one.
+    #[arg(long, value_name = "SECONDS", help_heading = "Frames", allow_negative_numbers = true)]
+    pub(crate) end: Option<f64>,
+    /// Refuse a damaged or cut-off video instead of using what can be decoded of it.
+    #[arg(long, help_heading = "Frames")]
+    pub(crate) strict: bool,
 
     /// Checkpoint: a folder with config.json and model.safetensors, such a file, or the name `nano` of the small stand-in
     /// inside this program.

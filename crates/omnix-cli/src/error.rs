@@ -87,6 +87,24 @@ pub(crate) enum CliError {
         /// The file.
         path: PathBuf,
     },
+    /// A picture that takes more memory to decode than it may.
+    #[error(
+        "a picture of {width} x {height} pixels takes {} to decode, and {} may be used: make it smaller, or allow more with \
+         --memory-budget: {}",
+        bytes::show(*needed), bytes::show(*most), path.display()
+    )]
+    LargePicture {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// Bytes that decoding takes at most.
+        needed: u64,
+        /// Bytes that it may take.
+        most: u64,
+        /// The file.
+        path: PathBuf,
+    },
     /// `weights check` found something.
     #[error("{problems} problem(s) in the weights: {}", path)]
     BadWeights {
@@ -167,7 +185,10 @@ impl From<OmnixError> for CliError {
 
 impl From<IoError> for CliError {
     fn from(error: IoError) -> Self {
-        Self::Omnix(error.into())
+        match error {
+            IoError::Interrupted => Self::Omnix(OmnixError::Interrupted),
+            other => Self::Omnix(other.into()),
+        }
     }
 }
 
@@ -191,7 +212,7 @@ impl CliError {
             Self::Usage(_) | Self::ResultsAsInputs { .. } => 2,
             Self::Threads(_) => 1,
             Self::TinyPicture { .. } | Self::BadWeights { .. } => 3,
-            Self::TooLarge { .. } | Self::TensorTooLarge { .. } | Self::TooMuch { .. } => 5,
+            Self::TooLarge { .. } | Self::TensorTooLarge { .. } | Self::TooMuch { .. } | Self::LargePicture { .. } => 5,
             Self::Stdout(_) | Self::File { .. } | Self::DiskSpace { .. } | Self::FileLimit { .. } => 6,
             Self::Interrupted { .. } | Self::MotionInterrupted { .. } => 130,
         }
@@ -277,7 +298,9 @@ fn file_code(error: &IoError) -> u8 {
         | IoError::TemporaryFull { .. }
         | IoError::FileTooLarge { .. }
         | IoError::Write { .. } => 6,
-        IoError::WrongSize { .. } | IoError::MissingTool { .. } => 1,
+        IoError::WrongSize { .. } | IoError::MissingTool { .. } | IoError::ToolStart { .. } => 1,
+        IoError::PictureTooLarge { .. } => 5,
+        IoError::Interrupted => 130,
         _ => 3,
     }
 }

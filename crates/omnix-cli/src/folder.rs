@@ -90,7 +90,7 @@ mod tests {
         let photos = dir.path().join("photos");
         let photo = picture(&photos.join("a.png"));
         let result = picture(&photos.join("depth/000000.png"));
-        let check = |out: &Path, input: &str| check(out, &probe(&[input], FrameChoice::All).unwrap());
+        let check = |out: &Path, input: &str| check(out, &probe(&[input], FrameChoice::all()).unwrap());
         let (folder, elsewhere) = (photos.to_str().unwrap(), dir.path().join("elsewhere"));
         // A picture beside its results is common and harms nothing; one that would be replaced is lost.
         assert!(check(&photos, &photo).unwrap().is_none());

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use omnix::graph::GraphError;
-use omnix::io::{Export, FrameChoice, InputPlan, RunSize, probe};
+use omnix::io::input::is_video;
+use omnix::io::{Export, FrameChoice, InputPlan, ReadOptions, RunSize, Stop, probe_with};
 use omnix::{Caps, FieldPrecision, OmnixError, Request, RunPlan, Tier, Weights};
 use serde_json::{Value, json};
 
@@ -13,6 +14,7 @@ use crate::bytes;
 use crate::error::CliError;
 use crate::memory;
 use crate::prepare::Preparation;
+use crate::stop;
 use crate::ui::Ui;
 
 /// What is asked, as far as files tell.
@@ -31,14 +33,19 @@ const SEARCH: Duration = Duration::from_secs(2);
 const HOURS: f64 = 1.0;
 
 impl Job {
-    /// Lists frames, opens weights, finds sizes. Nothing is decoded.
+    /// Lists frames (videos are decoded once for it), opens weights, finds sizes.
     pub(crate) fn new(inputs: &[PathBuf], args: &RunArgs, ui: &mut Ui) -> Result<Self, CliError> {
-        let mut input = probe(inputs, choice(args))?;
+        let options = ReadOptions::new(choice(args)).strict(args.strict).stop(Stop::when(stop::asked));
+        // Minutes may pass where a video is long.
+        if inputs.iter().any(|input| is_video(input)) {
+            ui.say("listing the frames of videos");
+        }
+        let mut input = probe_with(inputs, &options)?;
         let weights = Weights::find(&args.weights)?;
         let preparation = Preparation::new(&weights, args, &input)?;
         input.notes.extend(preparation.note(&input));
         for note in &input.notes {
-            ui.note(note);
+            ui.note(&format!("note: {note}"));
         }
         let (width, height) = preparation.size();
         let mut request = request(args, input.frames.len(), width, height);
@@ -71,6 +78,25 @@ impl Job {
                 })
             }
             Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Bytes that reading the largest picture takes.
+    pub(crate) fn reading_bytes(&self) -> u64 {
+        self.input.largest().map_or(0, |frame| frame.bytes)
+    }
+
+    /// Refuses a picture that takes more than `most` bytes to decode, before any is.
+    pub(crate) fn check_pictures(&self, most: Option<u64>) -> Result<(), CliError> {
+        match (self.input.largest(), most) {
+            (Some(frame), Some(most)) if frame.bytes > most => Err(CliError::LargePicture {
+                width: frame.width,
+                height: frame.height,
+                needed: frame.bytes,
+                most,
+                path: frame.path.clone(),
+            }),
+            _ => Ok(()),
         }
     }
 
@@ -126,11 +152,14 @@ pub(crate) fn request(args: &RunArgs, images: usize, width: u32, height: u32) ->
 }
 
 fn choice(args: &RunArgs) -> FrameChoice {
-    match (args.frames, args.fps) {
-        (Some(count), _) => FrameChoice::Count(count),
-        (None, Some(rate)) => FrameChoice::Fps(rate),
-        (None, None) => FrameChoice::All,
+    let mut choice = FrameChoice::all().between(args.start, args.end);
+    if let Some(step) = args.every {
+        choice = choice.every(step);
     }
+    if let Some(rate) = args.fps {
+        choice = choice.at_rate(rate);
+    }
+    args.frames.map_or(choice, |count| choice.at_most(count))
 }
 
 /// What was asked for; else, where the device shares the machine's memory, 80 % of what is free, less the pictures.
@@ -214,12 +243,13 @@ pub(crate) fn plan_event(
     size: &RunSize,
     tier: Tier,
     budget: Option<u64>,
+    reading: u64,
 ) -> Value {
     let mut event = serde_json::to_value(plan.summary()).unwrap_or_default();
     if let Value::Object(fields) = &mut event {
         let (width, height) = (plan.request.width, plan.request.height);
         fields.insert("image_size".to_owned(), json!({ "width": width, "height": height }));
-        fields.insert("process_bytes".to_owned(), json!(memory::process(plan, exports, size, tier)));
+        fields.insert("process_bytes".to_owned(), json!(memory::process(plan, exports, size, tier, reading)));
         fields.insert("budget_bytes".to_owned(), json!(budget));
         fields.insert("network".to_owned(), json!(weights.network().config().name));
         fields.insert("weights".to_owned(), json!(weights.checkpoint().name()));

@@ -11,19 +11,29 @@ use std::path::{Path, PathBuf};
 use omnix::io::{Export, RunSize};
 use omnix::{RunPlan, Tier};
 
+use crate::args::RunArgs;
+
 /// The program, the driver, its compiler and the kernels of the geometry network, made on several threads.
 const PROGRAM: u64 = 131 << 20;
 /// The kernels of the trajectory module and its sampling head, and what its stages leave behind.
 const MOTION: u64 = 30 << 20;
 
-/// What the process will hold at most; none on a GPU, which has memory of its own.
-pub(crate) fn process(plan: &RunPlan, exports: &[Export], size: &RunSize, tier: Tier) -> Option<u64> {
+/// What the process will hold at most; none on a GPU, which has memory of its own. `reading` is what decoding the largest picture
+/// takes: pictures are read before the device holds anything.
+pub(crate) fn process(plan: &RunPlan, exports: &[Export], size: &RunSize, tier: Tier, reading: u64) -> Option<u64> {
     if tier == Tier::Gpu {
         return None;
     }
     let largest = exports.iter().map(|export| export.memory_bytes(size)).max().unwrap_or(0);
     let motion = if size.motion { MOTION } else { 0 };
-    Some(PROGRAM + motion + plan.peak_bytes() + 3 * size.images * size.pixels + largest)
+    Some(PROGRAM + motion + plan.peak_bytes().max(reading) + 3 * size.images * size.pixels + largest)
+}
+
+/// What decoding one picture may take: on a device that shares the machine's memory what was asked for, else 80 % of what is
+/// free. `running` is false for a plan, which the machine's free memory does not bound.
+pub(crate) fn for_pictures(args: &RunArgs, tier: Tier, running: bool) -> Option<u64> {
+    let asked = args.memory_budget.filter(|_| tier != Tier::Gpu);
+    asked.or_else(|| available().filter(|_| running).map(|free| free / 5 * 4))
 }
 
 /// The most that this process has held so far; none where the system does not say (other systems than Linux).

@@ -23,12 +23,20 @@ pub enum IoError {
     /// A file whose extension is neither a picture's nor a video's.
     #[error(
         "files of type \"{extension}\" are not read: convert to png, jpg, webp or bmp (pictures) \
-         or mp4, mov, avi, mkv, webm, m4v, flv or wmv (videos): {path}"
+         or mp4, mov, avi, mkv, webm, m4v, flv, wmv or gif (videos): {path}"
     )]
     UnsupportedExtension {
         /// The extension, lower case, without the dot; empty if there is none.
         extension: String,
         /// The file.
+        path: PathBuf,
+    },
+    /// A pipe, a device or a socket where a file is needed.
+    #[error(
+        "not a plain file (a pipe, a device or a socket): copy what it gives into a file and name that instead of {path}"
+    )]
+    NotAPlainFile {
+        /// The input.
         path: PathBuf,
     },
     /// A file named like a picture that holds something else.
@@ -44,6 +52,37 @@ pub enum IoError {
     TruncatedImage {
         /// What was missing.
         detail: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A picture whose data is damaged in the middle.
+    #[error("the picture is damaged ({reason}): copy it again from its source: {path}")]
+    ImageDamaged {
+        /// What was found.
+        reason: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A picture that takes more memory to decode than it may.
+    #[error(
+        "a picture of {width} x {height} pixels takes {} MiB to decode, and {} MiB may be used: make it smaller, or allow more memory: {path}",
+        needed.div_ceil(1 << 20), most >> 20
+    )]
+    PictureTooLarge {
+        /// Width in pixels as stored.
+        width: u32,
+        /// Height in pixels as stored.
+        height: u32,
+        /// Bytes that decoding takes at most.
+        needed: u64,
+        /// Bytes that it may take.
+        most: u64,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file that is not any more what it was when the frames were listed.
+    #[error("the file has changed since its frames were listed: leave the inputs alone while they are read: {path}")]
+    Changed {
         /// The file.
         path: PathBuf,
     },
@@ -79,6 +118,33 @@ pub enum IoError {
         /// The video that needed it.
         path: PathBuf,
     },
+    /// ffmpeg or ffprobe cannot be started, though it is there.
+    #[error(
+        "cannot start {tool}: check that it can be executed and that more processes are allowed; it was needed for {path}"
+    )]
+    ToolStart {
+        /// Name of the program.
+        tool: &'static str,
+        /// The video that needed it.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// ffmpeg or ffprobe runs and gives nothing.
+    #[error(
+        "{tool} gave nothing for {seconds} seconds and was ended: check the disk, or convert the video first: {path}"
+    )]
+    ToolHangs {
+        /// Name of the program.
+        tool: &'static str,
+        /// How long it was waited for.
+        seconds: u64,
+        /// The video.
+        path: PathBuf,
+    },
+    /// The caller asked to stop.
+    #[error("interrupted while reading")]
+    Interrupted,
     /// ffprobe cannot read the file as a video.
     #[error("not a readable video ({reason}): check that the file is complete, or convert it with ffmpeg: {path}")]
     NotAVideo {
@@ -87,12 +153,20 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
     },
-    /// A video that ends before its own index does.
+    /// A damaged video, where damage is refused.
     #[error(
-        "the video is cut off ({detail}): copy it again, or save what is whole with `ffmpeg -i IN -c copy OUT.mkv`: {path}"
+        "the video is {detail}: copy it again from its source, or allow damaged videos to use what can be decoded: {path}"
     )]
+    DamagedVideo {
+        /// How much of it there is.
+        detail: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A video of which so much is missing that nothing can be decoded.
+    #[error("the video is cut off ({detail}), and nothing of it can be decoded: copy it again from its source: {path}")]
     TruncatedVideo {
-        /// How many frames are there and how many were promised, or ffmpeg's words.
+        /// How much is there, or ffmpeg's words.
         detail: String,
         /// The file.
         path: PathBuf,

@@ -1,6 +1,6 @@
 //! Images and videos in, reconstructions out; no device anywhere in this crate.
 //!
-//! * [`input`]: command-line inputs to a plan of frames (cheap), then to 8-bit RGB pictures one at a time.
+//! * [`input`]: command-line inputs to a plan of frames, then to 8-bit RGB pictures one at a time.
 //! * [`preprocess`]: pictures to the network's input, for Depth Anything 3 (`da3.md` section 3) and OmniX
 //!   (`omnix.md` section 2).
 //! * [`output`]: one sink for each export format, fed one image at a time, and the manifest of a run.
@@ -14,5 +14,5 @@ pub mod output;
 pub mod preprocess;
 
 pub use error::IoError;
-pub use input::{FrameChoice, FrameLoader, InputPlan, Picture, PlannedFrame, probe};
+pub use input::{FrameChoice, FrameLoader, InputPlan, Picture, PlannedFrame, ReadOptions, Stop, probe, probe_with};
 pub use output::{Export, FrameResult, RunSize, RunSummary, Sink, SinkOptions, manifest::write_manifest, open_sinks};

@@ -63,22 +63,25 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
     } else {
         args.device_class.caps()
     };
-    let (plan, weights, exports, size) = if let (Some(images), Some((width, height))) = (args.images, args.run.size) {
-        let weights = Weights::find(&args.run.weights)?;
-        let mut request = job::request(&args.run, images as usize, width, height);
-        let exports = job::chosen_exports(&args.run, &weights, &mut request)?;
-        let plan = RunPlan::new(&weights, &request, &caps)?;
-        let size = job::size(&request, 1, &args.run, Some(&plan));
-        (plan, weights, exports, size)
-    } else {
-        let mut job = Job::new(&args.inputs, &args.run, ui)?;
-        // Only what was asked for bounds a plan; the machine's free memory is the business of a run.
-        let plan = job.plan(&args.run, &caps, false)?;
-        let size = job.size(&args.run, &plan);
-        (plan, job.weights, job.exports, size)
-    };
+    let (plan, weights, exports, size, reading) =
+        if let (Some(images), Some((width, height))) = (args.images, args.run.size) {
+            let weights = Weights::find(&args.run.weights)?;
+            let mut request = job::request(&args.run, images as usize, width, height);
+            let exports = job::chosen_exports(&args.run, &weights, &mut request)?;
+            let plan = RunPlan::new(&weights, &request, &caps)?;
+            let size = job::size(&request, 1, &args.run, Some(&plan));
+            (plan, weights, exports, size, 0)
+        } else {
+            let mut job = Job::new(&args.inputs, &args.run, ui)?;
+            // Only what was asked for bounds a plan; the machine's free memory is the business of a run.
+            job.check_pictures(memory::for_pictures(&args.run, caps.tier, false))?;
+            let reading = job.reading_bytes();
+            let plan = job.plan(&args.run, &caps, false)?;
+            let size = job.size(&args.run, &plan);
+            (plan, job.weights, job.exports, size, reading)
+        };
     if ui.json() {
-        ui.event("plan", job::plan_event(&plan, &weights, &exports, &size, caps.tier, args.run.memory_budget));
+        ui.event("plan", job::plan_event(&plan, &weights, &exports, &size, caps.tier, args.run.memory_budget, reading));
         ui.event("done", json!({}));
         return Ok(());
     }
@@ -90,7 +93,7 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
         s if s < 7200.0 => format!("{:.0} min", s / 60.0),
         s => format!("{:.0} h", s / 3600.0),
     };
-    let process = memory::process(&plan, &exports, &size, caps.tier).map_or_else(String::new, |bytes| {
+    let process = memory::process(&plan, &exports, &size, caps.tier, reading).map_or_else(String::new, |bytes| {
         let bytes = bytes::show(bytes);
         format!("process about {bytes} on a software device: that memory, the program, the driver and the files\n")
     });

@@ -25,15 +25,15 @@ use crate::args::{OutArgs, RunArgs};
 use crate::error::CliError;
 use crate::job::{self, Job};
 use crate::ui::Ui;
-use crate::{bytes, disk, folder, stop, text, threads};
+use crate::{bytes, disk, folder, memory, stop, text, threads};
 use state::Run;
 
 /// Arguments of `omnix reconstruct`.
 #[derive(Debug, Args)]
 #[command(after_long_help = crate::error::EXIT_CODES)]
 pub(crate) struct ReconstructArgs {
-    /// Pictures (png, jpg, webp, bmp), folders of pictures (one video for each sub-folder), patterns such as 'a/*.jpg', and
-    /// videos. Each is a video with its own frame times; all are reconstructed together.
+    /// Pictures (png, jpg, webp, bmp; not heic, avif or tiff), folders of pictures (one video for each sub-folder), patterns
+    /// such as 'a/*.jpg', and videos. Each is a video with its own frame times; all are reconstructed together.
     #[arg(value_name = "INPUT", required = true)]
     inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -65,6 +65,7 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     // A field that does not fit the budget goes beside the results: that disk is known to have room.
     job.request.field = FieldPlace::AutoIn(args.out.out.clone());
     let plan = job.plan(&args.run, engine.caps(), cpu)?;
+    job.check_pictures(memory::for_pictures(&args.run, engine.caps().tier, true))?;
     job.check_work(&plan, &args.run, engine.caps().tier)?;
     if cpu {
         disk::check_device_memory(&plan)?;
@@ -124,8 +125,8 @@ fn announce(
     software: Option<&str>,
     ui: &mut Ui,
 ) {
-    let size = job.size(&args.run, plan);
-    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, &size, tier, job.request.budget));
+    let (size, reading) = (job.size(&args.run, plan), job.reading_bytes());
+    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, &size, tier, job.request.budget, reading));
     let mut device = serde_json::to_value(info).unwrap_or_default();
     device["software"] = json!(software);
     ui.event("device", device);

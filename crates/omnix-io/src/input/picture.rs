@@ -2,14 +2,17 @@
 //!
 //! Conversion as Pillow's `convert("RGB")`: alpha is dropped, not blended; palettes and grey are expanded; of 16-bit samples
 //! the high byte is kept (so does Pillow for colour; its 16-bit grey saturates at 255, which would leave most such pictures
-//! white). No EXIF rotation, no colour management. JPEG samples differ from libjpeg-turbo's by a few levels at edges (0.3 on
+//! white). Turned upright as EXIF says; no colour management. JPEG samples differ from libjpeg-turbo's by a few levels at edges (0.3 on
 //! average at most, on photographs), because decoders may round and upsample as they like.
 
 use std::{fs, io::Cursor, path::Path};
 
-use image::{DynamicImage, ImageError, ImageReader, error::DecodingError};
+use image::{DynamicImage, ImageError, ImageReader, Limits, RgbImage, error::DecodingError};
 
-use super::header;
+use super::{
+    header::{self, Header},
+    jpeg::{self, Fault},
+};
 use crate::IoError;
 
 /// A picture, 8-bit RGB, rows from the top, `data[(y * width + x) * 3 + channel]`.
@@ -56,31 +59,61 @@ impl Picture {
     }
 }
 
-/// Reads one picture file.
+/// Reads one picture file, upright.
 ///
 /// # Errors
-/// A missing or unreadable file, content that is no picture, a file that ends too early, a picture the decoder refuses.
+/// A missing or unreadable file, content that is no picture, a file that ends too early, a picture the decoder refuses or that
+/// would take more than 1 GiB to decode.
 pub fn load_picture(path: &Path) -> Result<Picture, IoError> {
+    load_within(path, 1 << 30)
+}
+
+/// Reads one picture file if that takes no more than `most` bytes by its header.
+pub(super) fn load_within(path: &Path, most: u64) -> Result<Picture, IoError> {
     // The header walk gives the better message for files that are no pictures at all.
-    header::image_size(path)?;
-    let bytes = fs::read(path).map_err(|e| IoError::read(path, e))?;
-    if let Some(detail) = missing_end(&bytes) {
-        return Err(IoError::TruncatedImage { detail, path: path.to_owned() });
+    let header = header::header(path)?;
+    if header.bytes > most {
+        let Header { width, height, bytes: needed, .. } = header;
+        return Err(IoError::PictureTooLarge { width, height, needed, most, path: path.to_owned() });
     }
-    let decode = |reason: String| IoError::ImageDecode { reason, path: path.to_owned() };
-    let reader =
-        ImageReader::new(Cursor::new(bytes.as_slice())).with_guessed_format().map_err(|e| IoError::read(path, e))?;
-    let image = reader.decode().map_err(|error| match error {
+    let bytes = fs::read(path).map_err(|e| IoError::read(path, e))?;
+    // The walk and the decoder go over the same bytes; neither waits for the other.
+    let (fault, decoded) = rayon::join(|| fault(&bytes), || decode(&bytes, most));
+    match fault {
+        Some(Fault::Missing(detail)) => return Err(IoError::TruncatedImage { detail, path: path.to_owned() }),
+        Some(Fault::Damaged(reason)) => return Err(IoError::ImageDamaged { reason, path: path.to_owned() }),
+        None => {}
+    }
+    let decoded = decoded.map_err(|error| match error {
         ImageError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
             IoError::TruncatedImage { detail: e.to_string(), path: path.to_owned() }
         }
         ImageError::Decoding(e) if ends_early(&e) => {
             IoError::TruncatedImage { detail: e.to_string(), path: path.to_owned() }
         }
-        other => decode(other.to_string()),
+        other => IoError::ImageDecode { reason: other.to_string(), path: path.to_owned() },
     })?;
-    let (width, height) = (image.width(), image.height());
-    Ok(Picture::new(width, height, to_rgb8(image)))
+    let (width, height) = (decoded.width(), decoded.height());
+    let rgb = to_rgb8(decoded);
+    let Some(rgb) = RgbImage::from_raw(width, height, rgb) else {
+        return Err(IoError::ImageDecode {
+            reason: "BUG: its samples do not fit its size".into(),
+            path: path.to_owned(),
+        });
+    };
+    let mut upright = DynamicImage::ImageRgb8(rgb);
+    upright.apply_orientation(header.orientation);
+    let (width, height) = (upright.width(), upright.height());
+    Ok(Picture::new(width, height, upright.into_rgb8().into_raw()))
+}
+
+/// Decodes within `most` bytes.
+fn decode(bytes: &[u8], most: u64) -> Result<DynamicImage, ImageError> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format()?;
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(most);
+    reader.limits(limits);
+    reader.decode()
 }
 
 /// Whether a decoder's message is about missing bytes. The crates behind `image` have no common type for it.
@@ -113,36 +146,16 @@ fn to_rgb8(image: DynamicImage) -> Vec<u8> {
     }
 }
 
-/// What tells that a file ends too early, where its decoder would not say so: JPEG's fills the rest with grey, WebP's speaks of
-/// damage.
-fn missing_end(bytes: &[u8]) -> Option<String> {
-    if bytes.starts_with(&[0xff, 0xd8]) && !jpeg_has_end(bytes) {
-        return Some(format!("no end-of-image marker in {} bytes", bytes.len()));
+/// What is wrong with a file that its decoder would not say: JPEG's fills what is missing with grey, WebP's speaks of damage where
+/// the end is missing.
+fn fault(bytes: &[u8]) -> Option<Fault> {
+    if bytes.starts_with(&[0xff, 0xd8]) {
+        return jpeg::fault(bytes);
     }
     if bytes.starts_with(b"RIFF") && bytes.len() >= 8 {
         let stated = 8 + u64::from(u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]));
         let found = bytes.len() as u64;
-        return (found < stated).then(|| format!("{found} of {stated} bytes are there"));
+        return (found < stated).then(|| Fault::Missing(format!("{found} of {stated} bytes are there")));
     }
     None
-}
-
-/// Whether the entropy-coded part of a JPEG reaches an end-of-image marker. Thumbnails inside metadata have one of their own,
-/// so the segments before the first scan are skipped.
-fn jpeg_has_end(bytes: &[u8]) -> bool {
-    let mut at = 2;
-    while at + 4 <= bytes.len() && bytes[at] == 0xff {
-        let marker = bytes[at + 1];
-        let length = match marker {
-            0xff => {
-                at += 1;
-                continue;
-            }
-            0xda => return bytes[at..].windows(2).rev().any(|w| w == [0xff, 0xd9]),
-            0x01 | 0xd0..=0xd9 => 0,
-            _ => usize::from(u16::from_be_bytes([bytes[at + 2], bytes[at + 3]])),
-        };
-        at += 2 + length;
-    }
-    false
 }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use omnix::geometry::{RayMaps, cameras_from_rays, sample_table};
 use omnix::io::preprocess::exported_picture;
-use omnix::io::{FrameLoader, FrameResult, Picture};
+use omnix::io::{FrameLoader, FrameResult, Picture, Stop};
 use omnix::{Camera, Event, Field, OmnixError, Phase, Session};
 use serde_json::json;
 
@@ -19,7 +19,7 @@ impl Run<'_> {
         let input = &self.job.input;
         let total = input.frames.len();
         ui.begin("read", &format!("reading {total} image(s)"));
-        let mut loader = FrameLoader::new(input);
+        let mut loader = FrameLoader::new(input).stop(Stop::when(stop::asked));
         let mut pictures = Vec::with_capacity(total);
         for index in 0..total {
             if stop::asked() {

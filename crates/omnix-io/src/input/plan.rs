@@ -1,0 +1,70 @@
+//! Every frame of a run, known before a picture is decoded.
+
+use std::path::PathBuf;
+
+use super::video::VideoInfo;
+
+/// Where the frames of one video come from.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub enum SourceKind {
+    /// Picture files in order; empty for an empty sub-folder.
+    Images(Vec<PathBuf>),
+    /// A video file.
+    Video(VideoInfo),
+}
+
+/// One video: a picture, a folder, a pattern's matches or a video file.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// The command-line input it came from, as given.
+    pub input: PathBuf,
+    /// The picture, folder or video file; the pattern itself for a pattern.
+    pub path: PathBuf,
+    /// Video index: position in [`InputPlan::sources`].
+    pub video: u32,
+    /// Its frames, before the choice.
+    pub kind: SourceKind,
+}
+
+/// One frame that will be read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedFrame {
+    /// Global index: position in [`InputPlan::frames`], and the global time of `omnix.md`.
+    pub index: usize,
+    /// Video index (counts sources, empty ones too).
+    pub video: u32,
+    /// Position among the chosen frames of its video, from 0: the frame number of the time codes.
+    pub frame: u32,
+    /// Number of the frame in its file or folder, from 0, before the choice.
+    pub source_frame: u32,
+    /// Presentation time in seconds; none for pictures, which carry no times.
+    pub time_s: Option<f64>,
+    /// The picture, or the video file.
+    pub path: PathBuf,
+    /// Width in pixels, upright, of square pixels.
+    pub width: u32,
+    /// Height in pixels, upright, of square pixels.
+    pub height: u32,
+    /// Bytes that reading it takes at most, until it is an 8-bit RGB picture, that one included.
+    pub bytes: u64,
+}
+
+/// Every frame of a run, known before a picture is decoded.
+#[derive(Debug, Clone)]
+pub struct InputPlan {
+    /// The videos, in order of the inputs.
+    pub sources: Vec<Source>,
+    /// The chosen frames, video by video.
+    pub frames: Vec<PlannedFrame>,
+    /// Remarks a user should see: files left aside, damaged videos, a choice that could not be applied.
+    pub notes: Vec<String>,
+}
+
+impl InputPlan {
+    /// The frame that takes the most memory to read.
+    #[must_use]
+    pub fn largest(&self) -> Option<&PlannedFrame> {
+        self.frames.iter().max_by_key(|f| f.bytes)
+    }
+}
