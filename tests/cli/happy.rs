@@ -32,7 +32,7 @@ fn one_photo_with_every_export() {
     assert!(ran.err.contains("manifest.json") && ran.err.contains("stand-in"), "{}", ran.err);
     let manifest = manifest_holds(&out, 1);
     assert!(manifest["weights"]["note"].as_str().unwrap().contains("toy scenes"));
-    assert_eq!(manifest["settings"]["preparation"]["size"], serde_json::json!({ "width": 140, "height": 84 }));
+    assert_eq!(manifest["settings"]["preparation"]["size"], serde_json::json!([140, 84]));
 
     let npz = out.join("exports/npz/results.npz");
     let depth = finite(&npz, "depth", &[1, 84, 140]);

@@ -61,10 +61,10 @@ fn options_are_called_by_their_names() {
 }
 
 #[test]
-fn sizes_have_names_in_every_event() {
+fn sizes_are_width_then_height_in_every_event() {
     let events = omnix(&["plan", "--images", "2", "--size", "140x84", "--json"]).ok().events();
     let size = &of_kind(&events, "plan")[0]["image_size"];
-    assert_eq!(*size, serde_json::json!({ "width": 140, "height": 84 }));
+    assert_eq!(*size, serde_json::json!([140, 84]));
 }
 
 #[test]

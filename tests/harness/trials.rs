@@ -9,7 +9,7 @@ use omnix_kernels::Gpu;
 
 use crate::family::Family;
 
-/// Trials of one kernel; made by [`trials!`](crate::trials).
+/// Trials of one kernel; made by [`trials!`](macro@crate::trials).
 #[derive(Debug)]
 pub struct Trials {
     kernel: &'static str,

@@ -147,7 +147,7 @@ fn manifest_states_everything() {
     let text = fs::read_to_string(path).unwrap();
     let document: Value = serde_json::from_str(&text).unwrap();
     assert_eq!((&document["interrupted"], &document["images"][0]["done"]), (&json!(true), &json!(true)));
-    let size = |width: u32, height: u32| json!({ "width": width, "height": height });
+    let size = |width: u32, height: u32| json!([width, height]);
     let image = &document["images"][1];
     assert_eq!((&image["done"], &image["size"]), (&json!(false), &size(504, 280)));
     // 40 x 30 covers 504 x 280 at 504 x 378, of which the middle is kept.

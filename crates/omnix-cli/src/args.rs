@@ -110,7 +110,7 @@ pub(crate) struct RunArgs {
     /// read|weights|backbone|head|motion|sampling|exports, done, total, seconds}; frame {index, video, frame, time_s,
     /// depth_min, depth_max, seconds}; motion {index, moving, pixels}; done {dir, files, manifest,
     /// images, timings_s, note}; error {kind, exit_code, message, causes, help}. The last line is done or error. Sizes are
-    /// {width, height} in pixels. A path that is no Unicode has U+FFFD in place of what is not.
+    /// [width, height] in pixels. A path that is no Unicode has U+FFFD in place of what is not.
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -248,7 +248,7 @@ pub(crate) fn plan_event(
     let mut event = serde_json::to_value(plan.summary()).unwrap_or_default();
     if let Value::Object(fields) = &mut event {
         let (width, height) = (plan.request.width, plan.request.height);
-        fields.insert("image_size".to_owned(), json!({ "width": width, "height": height }));
+        fields.insert("image_size".to_owned(), json!([width, height]));
         fields.insert("process_bytes".to_owned(), json!(memory::process(plan, exports, size, tier, reading)));
         fields.insert("budget_bytes".to_owned(), json!(budget));
         fields.insert("network".to_owned(), json!(weights.network().config().name));

@@ -122,9 +122,9 @@ impl Preparation {
         match self {
             Self::DepthAnything { steps, .. } => json!({
                 "kind": "depth_anything_3", "process_res": steps.process_res,
-                "process_res_method": steps.method.name(), "size": { "width": width, "height": height },
+                "process_res_method": steps.method.name(), "size": [width, height],
             }),
-            Self::OmniX(_) => json!({ "kind": "omnix", "size": { "width": width, "height": height } }),
+            Self::OmniX(_) => json!({ "kind": "omnix", "size": [width, height] }),
         }
     }
 }

@@ -4,7 +4,7 @@
 //! `src/cpu/<k>.rs`, `tests/harness/cases/<k>.rs`, `tests/kernels/<k>.rs` and `benches/kernels/<k>.rs`;
 //! `cargo xtask tidy` fails when one is missing. A kernel's `record` is a pure function from a specification and the [`Caps`] of a
 //! device to a list of [`Dispatch`]es over numbered arguments. Only what lies in the folder `device/`, re-exported
-//! here ([`adapter`], [`gpu`], [`program`], [`compile`], [`run`], [`readback`], [`host_memory`]), and [`bench`] touch a device.
+//! here ([`adapter`], [`gpu`], [`program`], [`compile`], [`run`], [`readback`], [`host_memory`]), and `bench` (a feature) touch a device.
 //!
 //! Tensors are f32, contiguous, channels last: tokens `[image, token, channel]`, maps `[image, row, column, channel]`.
 

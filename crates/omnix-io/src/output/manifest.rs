@@ -27,13 +27,20 @@ pub struct Weights {
     pub note: Option<String>,
 }
 
-/// A size in pixels, with names: pairs of numbers are read in the wrong order.
+/// A size in pixels, written `[width, height]`, as everywhere in what the program writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(into = "[u32; 2]")]
 pub struct Size {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
+}
+
+impl From<Size> for [u32; 2] {
+    fn from(size: Size) -> Self {
+        [size.width, size.height]
+    }
 }
 
 /// A rectangle of a picture, in pixels.
@@ -189,7 +196,7 @@ pub fn write_manifest(dir: &Path, manifest: &Manifest) -> Result<PathBuf, IoErro
             "depth": "along the camera's z axis, not along the ray",
             "points_from": "files that hold points say which: \"depth and camera\" is each pixel's depth, unprojected with the exported camera; \"ray maps\" is the network's own points, origin + depth * direction of each pixel's ray, where trajectories start. A network that does not agree with itself puts the two in different places",
             "tum": "camera-to-world",
-            "sizes": "width and height in pixels",
+            "sizes": "[width, height] in pixels",
             "times": "global index = order of processing = global time, of which there is one an image; (video, frame) counts inputs and chosen frames from 0; time_s in seconds",
         },
         "unit_of_length": manifest.unit,

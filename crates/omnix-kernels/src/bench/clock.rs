@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-/// Time since it was started: by the wall, and by the processors as [`Timing::cpu`] has it.
+/// Time since it was started: by the wall, and by the processors as [`Timing::cpu`](super::Timing::cpu) has it.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     start: Instant,
