@@ -75,7 +75,7 @@ fn a_picture_too_large_for_the_budget() {
     let bomb = root().join("tests/data/io/huge.webp");
     let out = dir.path().join("out");
     let ran = reconstruct(&bomb, &out, &["--memory-budget", "200MiB", "--size", "28x28"]);
-    ran.fails(5, &["13000 x 13000", "200.0 MiB may be used", "smaller", "--memory-budget"]);
+    ran.fails(5, &["13000 x 13000", "200 MiB may be used", "smaller", "--memory-budget"]);
     assert!(!out.join("manifest.json").exists());
     let plan = omnix(&["plan", bomb.to_str().unwrap(), "--size", "28x28", "--json"]).ok();
     let bytes = of_kind(&plan.events(), "plan")[0]["process_bytes"].as_u64().unwrap();
@@ -89,7 +89,7 @@ fn pictures_of_two_shapes() {
     picture(&frames.join("0.png"), 160, 120, 0);
     picture(&frames.join("1.png"), 120, 160, 0);
     let ran = reconstruct(&frames, &out, &["--export", "npz", "--size", "56x42"]).ok();
-    assert!(ran.err.contains("1 of 2 image(s) are cropped") && ran.err.contains("1.png loses 44 %"), "{}", ran.err);
+    assert!(ran.err.contains("1 of 2 image(s) are cropped") && ran.err.contains("1.png loses 43 %"), "{}", ran.err);
     let manifest = json(&out.join("manifest.json"));
     let second = &manifest["images"][1];
     assert_eq!(second["source_size"], serde_json::json!([120, 160]));

@@ -1,8 +1,8 @@
 //! The kernels of omnix: what each computes, its variants, and how a call becomes dispatches.
 //!
-//! A kernel has one name and six places: `shaders/<k>/`, `src/<k>.rs` here, its CPU oracle
-//! `src/cpu/<k>.rs`, `tests/harness/cases/<k>.rs`, `tests/kernels/<k>.rs` and `benches/kernels/<k>.rs`;
-//! `cargo xtask tidy` fails when one is missing. A kernel's `record` is a pure function from a specification and the [`Caps`] of a
+//! A kernel has one name and seven places: `shaders/<k>/`, `src/<k>.rs` here, its CPU oracle
+//! `src/cpu/<k>.rs`, `tests/harness/cases/<k>.rs`, `tests/kernels/<k>.rs`, `benches/kernels/<k>.rs` and the operation
+//! `omnix-graph/src/ops/<k>.rs`; `cargo xtask tidy` fails when one is missing. A kernel's `record` is a pure function from a specification and the [`Caps`] of a
 //! device to a list of [`Dispatch`]es over numbered arguments. Only what lies in the folder `device/`, re-exported
 //! here ([`adapter`], [`gpu`], [`program`], [`compile`], [`run`], [`readback`], [`host_memory`]), and `bench` (a feature) touch a device.
 //!

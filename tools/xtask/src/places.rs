@@ -1,4 +1,5 @@
-//! One name, six places: a kernel `k` has its WGSL, its host side, its CPU oracle, its cases, its test and its bench.
+//! One name, seven places: a kernel `k` has its WGSL, its host side, its CPU oracle, its cases, its test, its bench, and the
+//! operation of graphs that it computes.
 
 use std::collections::BTreeSet;
 
@@ -13,7 +14,12 @@ const NO_KERNEL_FILES: [&str; 8] = ["bounds", "case", "common", "device", "layou
 /// Folders whose every file belongs to the kernel of its name.
 const OWNED: [&str; 4] = ["crates/omnix-kernels/src/cpu", "tests/harness/cases", "tests/kernels", "benches/kernels"];
 
-/// Every kernel is in its six places, and no test, bench or oracle lacks its kernel.
+/// Where the operation of a kernel is stated.
+const OPERATIONS: &str = "crates/omnix-graph/src/ops";
+/// Kernels that compute an operation of another name: Winograd's algorithm is one of `conv2d`'s.
+const ALGORITHMS: [&str; 1] = ["winograd"];
+
+/// Every kernel is in its seven places, and no test, bench or oracle lacks its kernel.
 pub fn check(tree: &Tree) -> Vec<Finding> {
     let kernels: BTreeSet<&str> =
         tree.folders("shaders").into_iter().filter(|name| !NO_KERNELS.contains(name)).collect();
@@ -25,8 +31,13 @@ pub fn check(tree: &Tree) -> Vec<Finding> {
         }
         let host = format!("crates/omnix-kernels/src/{kernel}.rs");
         let others = OWNED.iter().map(|folder| format!("{folder}/{kernel}.rs"));
+        let operation = (!ALGORITHMS.contains(kernel)).then(|| format!("{OPERATIONS}/{kernel}.rs"));
         findings.extend(
-            std::iter::once(host).chain(others).filter(|path| !tree.has(path)).map(|path| missing(kernel, &path)),
+            std::iter::once(host)
+                .chain(others)
+                .chain(operation)
+                .filter(|path| !tree.has(path))
+                .map(|path| missing(kernel, &path)),
         );
     }
     for folder in OWNED {
@@ -44,7 +55,7 @@ pub fn check(tree: &Tree) -> Vec<Finding> {
 fn missing(kernel: &str, path: &str) -> Finding {
     Finding::error(
         path,
-        format!("missing: kernel `{kernel}` must be in six places (CONTRIBUTING.md, \"Add a kernel\")"),
+        format!("missing: kernel `{kernel}` must be in seven places (CONTRIBUTING.md, \"Add a kernel\")"),
     )
 }
 
@@ -52,13 +63,14 @@ fn missing(kernel: &str, path: &str) -> Finding {
 mod tests {
     use super::*;
 
-    const WHOLE: [&str; 6] = [
+    const WHOLE: [&str; 7] = [
         "shaders/gelu/gelu.wgsl",
         "crates/omnix-kernels/src/gelu.rs",
         "crates/omnix-kernels/src/cpu/gelu.rs",
         "tests/harness/cases/gelu.rs",
         "tests/kernels/gelu.rs",
         "benches/kernels/gelu.rs",
+        "crates/omnix-graph/src/ops/gelu.rs",
     ];
 
     fn findings<'a>(paths: impl IntoIterator<Item = &'a str>) -> Vec<String> {
