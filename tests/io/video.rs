@@ -154,8 +154,9 @@ fn rotation_is_applied() {
 }
 
 #[test]
+#[cfg_attr(not(shared), ignore = "../shared is not there")]
 fn real_clip() {
-    let Some(path) = shared("data/mobile_robot/mobile_robot.mp4") else { return };
+    let path = shared("data/mobile_robot/mobile_robot.mp4").expect("the clip");
     let plan = plan(&path, FrameChoice::count(4));
     let numbers: Vec<u32> = plan.frames.iter().map(|f| f.source_frame).collect();
     assert_eq!(numbers, [0, 16, 33, 49]);

@@ -6,7 +6,9 @@ use std::ops::ControlFlow;
 use omnix::bench::RandomWeights;
 use omnix_graph::{Bindings, Executable, Graph, ParameterSource as _, Plan, PlanOptions, WeightStore};
 use omnix_kernels::Caps;
-use omnix_model::{HeadSpec, ModelError, MotionSpec, Network, NetworkConfig, SamplingSpec};
+use omnix_model::{
+    BackboneSpec, HeadSpec, ModelError, MotionSpec, Network, NetworkConfig, ReferenceChoice, SamplingSpec,
+};
 use omnix_tests::{Rng, gpu};
 use serde_json::{Value, json};
 
@@ -90,6 +92,32 @@ fn module(config: &NetworkConfig) -> Vec<(String, Vec<f32>)> {
 
 fn field(changes: &Value) -> Vec<f32> {
     output(&module(&edited(changes)), "field").to_vec()
+}
+
+#[test]
+fn heads_of_any_width_that_can_be_rotated() {
+    // Widths of heads 4, 12, 20, 36 and 100, in the encoder and in the trajectory module.
+    for (width, heads) in [(48, 12), (48, 4), (80, 4), (72, 2), (100, 1)] {
+        let mut settings = fixture::json("mixed");
+        for part in ["backbone", "trajectory"] {
+            let width_of = if part == "backbone" { "embed_dim" } else { "width" };
+            settings[part][width_of] = json!(width);
+            settings[part]["heads"] = json!(heads);
+        }
+        let config = NetworkConfig::from_json(&settings).unwrap();
+        let spec = BackboneSpec {
+            images: IMAGES,
+            grid: GRID,
+            reference: ReferenceChoice::First,
+            cameras_given: false,
+            times: times(),
+            export_layers: Vec::new(),
+        };
+        let mut graph = Graph::new();
+        Network::new(config.clone()).backbone(&mut graph, &spec).unwrap();
+        both(&graph, &config, &inputs(&graph));
+        module(&config);
+    }
 }
 
 #[test]

@@ -165,21 +165,23 @@ fn spec(case: &Case, reference: ReferenceChoice) -> BackboneSpec {
     }
 }
 
-fn da3(network: &str, case: &str) -> Option<Case> {
-    let folder = fixture::shared("golden/da3")?.join(network);
-    Some(Case::open(&folder, &folder.join(format!("{case}.safetensors")), "in.images"))
+fn da3(network: &str, case: &str) -> Case {
+    let folder = fixture::shared("golden/da3").expect("the recorded cases").join(network);
+    Case::open(&folder, &folder.join(format!("{case}.safetensors")), "in.images")
 }
 
 #[test]
+#[cfg_attr(not(shared), ignore = "../shared is not there")]
 fn depth_anything_with_every_intermediate() {
     for network in ["tiny-a", "tiny-b"] {
-        let Some(case) = da3(network, "case") else { return };
+        let case = da3(network, "case");
         backbone(&case, "in.images", &spec(&case, ReferenceChoice::SaddleBalanced), None);
         head(&case);
     }
 }
 
 #[test]
+#[cfg_attr(not(shared), ignore = "../shared is not there")]
 fn depth_anything_with_each_reference() {
     for (name, reference) in [
         ("case-single", ReferenceChoice::SaddleBalanced),
@@ -187,19 +189,20 @@ fn depth_anything_with_each_reference() {
         ("case-ref-first", ReferenceChoice::First),
         ("case-ref-middle", ReferenceChoice::Middle),
     ] {
-        let Some(case) = da3("tiny-a", name) else { return };
+        let case = da3("tiny-a", name);
         backbone(&case, "in.images", &spec(&case, reference), None);
     }
-    let Some(case) = da3("tiny-a", "case-ref-saddle_sim_range") else { return };
+    let case = da3("tiny-a", "case-ref-saddle_sim_range");
     let index = case.integers("ref.index")[0] as usize;
     backbone(&case, "in.images", &spec(&case, ReferenceChoice::Forced(index)), None);
-    let Some(case) = da3("tiny-b", "case-nine") else { return };
+    let case = da3("tiny-b", "case-nine");
     backbone(&case, "in.images", &spec(&case, ReferenceChoice::SaddleBalanced), None);
 }
 
 #[test]
+#[cfg_attr(not(shared), ignore = "../shared is not there")]
 fn depth_anything_with_exported_features() {
-    let Some(case) = da3("tiny-a", "case-feats") else { return };
+    let case = da3("tiny-a", "case-feats");
     let exported = tapped(&case, &["out.aux.feat_layer_"]);
     let layers = exported.iter().map(|(n, _)| n.rsplit('_').next().unwrap().parse().unwrap()).collect();
     let spec = BackboneSpec { export_layers: layers, ..spec(&case, ReferenceChoice::SaddleBalanced) };
@@ -207,9 +210,10 @@ fn depth_anything_with_exported_features() {
 }
 
 #[test]
+#[cfg_attr(not(shared), ignore = "../shared is not there")]
 fn depth_anything_with_given_cameras() {
     for network in ["tiny-a", "tiny-b"] {
-        let Some(case) = da3(network, "case-posed") else { return };
+        let case = da3(network, "case-posed");
         let (extrinsics, intrinsics) = (case.f32("in.extrinsics"), case.f32("in.intrinsics"));
         // They were given to the network as they are, without the tool's normalisation.
         let rows = |m: &[f32]| -> Pose { std::array::from_fn(|r| std::array::from_fn(|c| m[r * 4 + c])) };
@@ -229,8 +233,9 @@ fn depth_anything_with_given_cameras() {
 }
 
 #[test]
+#[cfg_attr(not(shared), ignore = "../shared is not there")]
 fn omnix_encoder_and_geometry() {
-    let Some(goldens) = fixture::shared("golden/omnix") else { return };
+    let goldens = fixture::shared("golden/omnix").expect("the recorded cases");
     for name in ["mixed", "single-video", "one-image"] {
         let weights = if name == "one-image" { "single-video" } else { name };
         let file = goldens.join(name).join("case.safetensors");
