@@ -80,7 +80,7 @@ fn pixels_become_square() {
     }
 }
 
-/// Changes the display matrix of the first track of an mp4 to a turn by so many degrees.
+/// Changes the display matrix of the first track of an mp4 to a turn by `degrees`.
 fn turn(bytes: &mut [u8], degrees: f64) {
     let header = bytes.windows(4).position(|w| w == b"tkhd").unwrap();
     // Version and flags 4, times 8, track 4, reserved 4, duration 4, reserved 8, layer, group, volume, reserved 8.

@@ -2,8 +2,8 @@
 
 use crate::IoError;
 
-/// A choice of frames, applied to each video by itself: first the part from a start to an end, then every k-th frame or so many
-/// frames a second, then at most a number of them. The default is every frame.
+/// A choice of frames, applied to each video by itself: first the part from a start to an end, then every k-th frame or a number of
+/// frames per second, then at most a number of them. The default is every frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FrameChoice {
     start_s: Option<f64>,
@@ -109,7 +109,7 @@ impl FrameChoice {
         }
     }
 
-    /// Whether a frame so many seconds after the first is within the start and the end. Containers round times (Matroska to
+    /// Whether a frame `seconds` after the first is within the start and the end. Containers round times (Matroska to
     /// 1 ms).
     fn spans(self, seconds: f64) -> bool {
         const ROUNDING: f64 = 1e-3;

@@ -42,7 +42,7 @@ impl Header {
 /// Width and height in pixels, upright, without decoding.
 ///
 /// # Errors
-/// A missing or unreadable file; content that is none of the four formats; a header that ends too early.
+/// A missing or unreadable file; content that is not one of the four formats; a header that ends too early.
 pub fn image_size(path: &Path) -> Result<(u32, u32), IoError> {
     header(path).map(|h| h.upright())
 }
