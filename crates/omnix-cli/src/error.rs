@@ -35,7 +35,7 @@ pub(crate) enum CliError {
     TooLarge {
         /// Says what is needed.
         source: OmnixError,
-        /// Starts with a separator; empty if there is none.
+        /// Starts with a separator; empty without a suggestion.
         suggestion: String,
     },
     /// One array of the run is larger than a buffer of the device may be.
@@ -50,7 +50,7 @@ pub(crate) enum CliError {
         needed: u64,
         /// The device's limit.
         limit: u64,
-        /// Starts with a separator; empty if there is none.
+        /// Starts with a separator; empty without a suggestion.
         suggestion: String,
     },
     /// Results of a run among the inputs.

@@ -23,3 +23,6 @@ pub use pose::{
 };
 pub use rays::{RayCamera, RayMaps, cameras_from_rays, sample_table};
 pub use unproject::{PixelCentre, corner_rays, points_from_depth, points_from_rays, project, resize_intrinsics};
+
+/// Unit of length of depth and positions where a network does not know the metre, as every file says it.
+pub const NETWORK_UNIT: &str = "network scale (not metric)";

@@ -26,7 +26,7 @@ pub enum IoError {
          or mp4, mov, avi, mkv, webm, m4v, flv, wmv or gif (videos): {path}"
     )]
     UnsupportedExtension {
-        /// The extension, lower case, without the dot; empty if there is none.
+        /// The extension, lower case, without the dot; empty if the name has no extension.
         extension: String,
         /// The file.
         path: PathBuf,

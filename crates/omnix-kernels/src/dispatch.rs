@@ -104,7 +104,7 @@ const MAX_GROUPS: u64 = 65_535;
 /// Folds a number of workgroups over x and y. The shader sees up to one row too many and checks the bound.
 ///
 /// # Panics
-/// If there are none, or more than 65,535² (no tensor under the buffer limits gets near).
+/// If there are no workgroups, or more than 65,535² (no tensor under the buffer limits gets near).
 #[must_use]
 pub fn fold(groups: u64) -> [u32; 3] {
     assert!(groups > 0 && groups <= MAX_GROUPS * MAX_GROUPS, "BUG: {groups} workgroups");

@@ -67,7 +67,7 @@ impl TensorFile {
     /// A tensor by its full name.
     ///
     /// # Errors
-    /// When there is none, or when its elements are not F32, F16, BF16 or F64.
+    /// When there is no such tensor, or its elements are not F32, F16, BF16 or F64.
     pub fn tensor(&self, name: &str) -> Result<TensorView<'_>, TensorError> {
         let missing = || TensorError::Missing { tensor: name.to_owned(), path: self.path.clone() };
         let info = self.info(name).ok_or_else(missing)?;

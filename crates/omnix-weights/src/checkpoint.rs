@@ -164,7 +164,7 @@ impl Checkpoint {
     /// A tensor by logical name.
     ///
     /// # Errors
-    /// When there is none, or when its elements are not F32, F16, BF16 or F64.
+    /// When there is no such tensor, or its elements are not F32, F16, BF16 or F64.
     pub fn tensor(&self, name: &str) -> Result<TensorView<'_>, WeightsError> {
         let full = self.resolve(name).unwrap_or_else(|| format!("{}{name}", self.prefix));
         match self.index.get(&full) {

@@ -189,7 +189,7 @@ pub fn computed_from(gpu: &Gpu, call: &dyn Call, args: &[Values], arg: Arg) -> V
 /// Compares every case of the test with the oracle and goes on after a failure; then fails with all of them.
 ///
 /// # Panics
-/// If any case differs, or there is none.
+/// If any case differs, or the list is empty.
 pub fn check_all(gpu: &Gpu, cases: impl IntoIterator<Item = Case>) {
     let (mut count, mut failed) = (0, Vec::new());
     for case in cases.into_iter().filter(|case| !case.bench) {

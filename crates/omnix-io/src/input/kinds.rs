@@ -7,7 +7,7 @@ pub const IMAGE_EXTENSIONS: &[&str] = &["png", "jpg", "jpeg", "webp", "bmp"];
 /// Extensions handed to ffmpeg, lower case. A GIF is a video, of one frame where it does not move.
 pub const VIDEO_EXTENSIONS: &[&str] = &["mp4", "mov", "avi", "mkv", "webm", "m4v", "flv", "wmv", "gif"];
 
-/// The extension in lower case, without the dot; empty if there is none.
+/// The extension in lower case, without the dot; empty if the name has no extension.
 pub(super) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }

@@ -67,7 +67,7 @@ pub trait Sink: Send {
     /// A full disk or other failure of writing; a camera missing where the format needs one; buffers of a wrong length.
     fn frame(&mut self, frame: &FrameResult<'_>) -> Result<(), IoError>;
 
-    /// Completes the files and returns their paths. Without a single image there are none.
+    /// Completes the files and returns their paths. A run that wrote no image returns no path.
     ///
     /// # Errors
     /// A full disk or other failure of writing; then no file of that format appears that is not whole.

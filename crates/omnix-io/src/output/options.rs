@@ -1,5 +1,7 @@
 //! Settings of the exports.
 
+use omnix_geometry::NETWORK_UNIT;
+
 use crate::IoError;
 
 /// Settings of the sinks.
@@ -30,7 +32,7 @@ impl Default for SinkOptions {
             glb_max_points: 1_000_000,
             show_cameras: true,
             seed: 42,
-            unit: "network scale (not metric)".into(),
+            unit: NETWORK_UNIT.into(),
         }
     }
 }
@@ -77,7 +79,7 @@ pub struct GlbMotionOptions {
 
 impl Default for GlbMotionOptions {
     fn default() -> Self {
-        Self { max_points: 200_000, max_times: 32, show_cameras: true, unit: "network scale (not metric)".into() }
+        Self { max_points: 200_000, max_times: 32, show_cameras: true, unit: NETWORK_UNIT.into() }
     }
 }
 
@@ -131,7 +133,7 @@ impl Default for HtmlOptions {
         Self {
             title: "omnix".into(),
             notes: Vec::new(),
-            unit: "network scale (not metric)".into(),
+            unit: NETWORK_UNIT.into(),
             thumbnail_width: 320,
             jpeg_quality: 80,
         }

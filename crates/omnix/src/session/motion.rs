@@ -1,6 +1,6 @@
 //! The stages that make a field: the trajectory module over all images, then the sampling head a few images at a time.
 
-use omnix_geometry::{Camera, corner_rays};
+use omnix_geometry::{Camera, NETWORK_UNIT, corner_rays};
 use omnix_graph::Tensors;
 use omnix_graph::ops::Motion;
 use omnix_kernels::{BufferSlice, Gpu, readback};
@@ -22,9 +22,6 @@ pub(super) struct FieldBuilder {
     /// `[images, cells, width]`: tokens of points that the head makes for the module, if it takes any.
     tokens: Option<BufferSlice>,
 }
-
-/// Unit of length of networks that do not know the metre; sinks write it too.
-const UNIT: &str = "network scale (not metric)";
 
 const TOKENS: &str = "traj.point_tokens";
 
@@ -110,7 +107,7 @@ impl Session {
         let about = About {
             network: weights.network().config().name.clone(),
             weights: weights.checkpoint().name().to_owned(),
-            unit: UNIT.to_owned(),
+            unit: NETWORK_UNIT.to_owned(),
             note: weights.note().map(str::to_owned),
         };
         let room = self.plan.evaluation_room();
