@@ -106,7 +106,7 @@ fn a_damaged_weight_and_a_listener_stop_the_run_and_the_device_goes_on() {
             ControlFlow::Continue(())
         };
         streamed.run(&Seeded(&graph), &mut count).expect("runs");
-        // When a stretch is submitted, and before that when pieces of its weights are written.
+        // When a stretch is submitted, and before that when its weights are written.
         assert!(reports > 7, "{reports}");
         for stop_at in 1..=reports {
             let mut heard = 0;

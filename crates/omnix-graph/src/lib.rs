@@ -17,7 +17,9 @@ pub mod passes;
 pub mod plan;
 
 pub use device::exec::Executable;
+#[cfg(not(target_arch = "wasm32"))]
 pub use device::profile;
+pub use device::run::{Run, Step};
 pub use device::source::ParameterSource;
 pub use device::store::WeightStore;
 pub use device::stream::Streamed;

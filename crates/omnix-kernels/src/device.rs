@@ -2,15 +2,18 @@
 //! Everything outside of this folder, except measuring (`bench`), is pure.
 
 pub mod adapter;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod compile;
 pub mod gpu;
 pub mod host_memory;
 pub mod program;
 pub mod readback;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod run;
 
 mod facts;
 mod lost;
 mod software;
+mod wait;
 
 pub use software::why_software;

@@ -8,7 +8,7 @@
 //!
 //! Tensors are f32, contiguous, channels last: tokens `[image, token, channel]`, maps `[image, row, column, channel]`.
 
-#[cfg(feature = "bench")]
+#[cfg(all(feature = "bench", not(target_arch = "wasm32")))]
 pub mod bench;
 pub mod caps;
 pub mod cpu;
@@ -45,7 +45,9 @@ pub mod winograd;
 
 pub use activation::Activation;
 pub use caps::{Caps, Cooperative, Tier};
-pub use device::{adapter, compile, gpu, host_memory, program, readback, run, why_software};
+pub use device::{adapter, gpu, host_memory, program, readback, why_software};
+#[cfg(not(target_arch = "wasm32"))]
+pub use device::{compile, run};
 pub use dispatch::{Arg, Dispatch};
 pub use error::KernelError;
 pub use gpu::Gpu;

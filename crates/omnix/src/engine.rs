@@ -39,22 +39,22 @@ impl Engine {
     ///
     /// # Errors
     /// When there is no adapter, or its limits are too small.
-    pub fn open(wanted: Option<&str>) -> Result<Self, OmnixError> {
-        let adapter = adapter::choose(wanted)?;
-        let (device, queue) = adapter::open(&adapter)?;
+    pub async fn open_async(wanted: Option<&str>) -> Result<Self, OmnixError> {
+        let adapter = adapter::choose_async(wanted).await?;
+        let (device, queue) = adapter::open_async(&adapter).await?;
         Ok(Self { gpu: Gpu::new(&device, &queue).from_adapter(&adapter) })
     }
 
-    /// As [`Engine::open`], with wgpu's experimental cooperative matrices (tensor cores) where the adapter has products
+    /// As [`Engine::open_async`], with wgpu's experimental cooperative matrices (tensor cores) where the adapter has products
     /// that kernels can use; without them the same as `open`. A host with a device of its own that opted in says so
     /// by [`Engine::with_caps`] and [`Caps::with_cooperative`].
     ///
     /// # Errors
-    /// As [`Engine::open`].
+    /// As [`Engine::open_async`].
     #[cfg(feature = "experimental")]
-    pub fn open_experimental(wanted: Option<&str>) -> Result<Self, OmnixError> {
-        let adapter = adapter::choose(wanted)?;
-        let (device, queue, products) = adapter::open_experimental(&adapter)?;
+    pub async fn open_experimental_async(wanted: Option<&str>) -> Result<Self, OmnixError> {
+        let adapter = adapter::choose_async(wanted).await?;
+        let (device, queue, products) = adapter::open_experimental_async(&adapter).await?;
         let engine = Self { gpu: Gpu::new(&device, &queue).from_adapter(&adapter) };
         let caps = engine.caps().clone().with_cooperative(products);
         Ok(engine.with_caps(caps))

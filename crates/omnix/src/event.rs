@@ -125,12 +125,7 @@ impl<'a> Teller<'a> {
 
     /// `done` of `total` units of a phase.
     pub(crate) fn progress(&mut self, phase: Phase, done: u64, total: u64) -> ControlFlow<()> {
-        self.with(|listener| listener(Event::Progress(Progress { phase, done, total })))
-    }
-
-    /// Whatever else there is to tell.
-    pub(crate) fn with(&mut self, tell: impl FnOnce(Listener<'_>) -> Result<(), OmnixError>) -> ControlFlow<()> {
-        match tell(&mut *self.listener) {
+        match (self.listener)(Event::Progress(Progress { phase, done, total })) {
             Ok(()) => ControlFlow::Continue(()),
             Err(error) => {
                 self.failed = Some(error);

@@ -36,7 +36,7 @@ pub use query::{PathPiece, Paths, Pixels, Query, ResidentPaths};
 pub use saved::FieldPrecision;
 pub use shape::FieldShape;
 pub(crate) use shape::Part;
-pub(crate) use store::{Resident, Store, copy};
+pub(crate) use store::{Store, copy};
 pub use values::PixelValues;
 
 use crate::engine::Engine;
@@ -162,19 +162,15 @@ impl Field {
     ///
     /// # Errors
     /// [`OmnixError::Query`] for an image that is not there; failures of the device or of reading a file.
-    pub fn points(&self, image: usize) -> Result<Vec<f32>, OmnixError> {
+    pub async fn points_async(&self, image: usize) -> Result<Vec<f32>, OmnixError> {
         self.check_image(image)?;
-        self.store.numbers(image, Part::Points)
+        self.store.numbers(image, Part::Points).await
     }
 
     /// Bytes read so far from the file of a saved field; 0 for any other.
     #[must_use]
     pub fn bytes_read(&self) -> u64 {
         self.store.bytes_read()
-    }
-
-    fn image(&self, image: usize) -> Result<Resident, OmnixError> {
-        self.store.image(image)
     }
 
     fn room(&self) -> Option<u64> {

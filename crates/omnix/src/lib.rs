@@ -24,9 +24,14 @@
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! Every call that waits for the device exists twice: as above it blocks its thread, and with the ending `_async` it is a future, for
+//! web pages, which cannot block (`wasm32-unknown-unknown`, without the feature `io`).
 
-#[cfg(feature = "bench")]
+#[cfg(all(feature = "bench", not(target_arch = "wasm32")))]
 pub mod bench;
+#[cfg(not(target_arch = "wasm32"))]
+mod blocking;
 mod engine;
 mod error;
 mod event;

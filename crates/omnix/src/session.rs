@@ -5,6 +5,7 @@ mod handover;
 mod motion;
 mod on_device;
 mod readback;
+#[cfg(not(target_arch = "wasm32"))]
 mod warmup;
 
 use omnix_graph::Bindings;
@@ -15,7 +16,8 @@ use crate::event::{Event, Listener};
 use crate::plan::RunPlan;
 use crate::weights::Weights;
 use on_device::{OnDevice, SessionWeights};
-use readback::{Readbacks, Resident, Results};
+use readback::{Readbacks, Results};
+#[cfg(not(target_arch = "wasm32"))]
 use warmup::Warmup;
 
 /// A planned run with its memory on the device.
@@ -28,6 +30,7 @@ pub struct Session {
     /// Which images were written since the backbone last ran.
     written: Vec<bool>,
     /// Ends when the session does.
+    #[cfg(not(target_arch = "wasm32"))]
     _warmup: Warmup,
     /// Bytes of images written since the last submission.
     unflushed: u64,
@@ -43,13 +46,27 @@ impl Session {
     ///
     /// # Errors
     /// When a weight of any stage is damaged, memory runs out, or `listener` broke off.
-    pub fn new(engine: &Engine, weights: &Weights, plan: RunPlan, listener: Listener<'_>) -> Result<Self, OmnixError> {
+    pub async fn new_async(
+        engine: &Engine,
+        weights: &Weights,
+        plan: RunPlan,
+        listener: Listener<'_>,
+    ) -> Result<Self, OmnixError> {
+        #[cfg(not(target_arch = "wasm32"))]
         let warmup = Warmup::start(engine.gpu(), &plan);
-        let weights = SessionWeights::new(engine.gpu(), weights, &plan, listener)?;
+        let weights = SessionWeights::new(engine.gpu(), weights, &plan, listener).await?;
         let written = vec![false; plan.request.images];
-        let mut session =
-            Self { engine: engine.clone(), plan, weights, backbone: None, written, _warmup: warmup, unflushed: 0 };
-        session.backbone()?;
+        let mut session = Self {
+            engine: engine.clone(),
+            plan,
+            weights,
+            backbone: None,
+            written,
+            #[cfg(not(target_arch = "wasm32"))]
+            _warmup: warmup,
+            unflushed: 0,
+        };
+        session.backbone().await?;
         Ok(session)
     }
 
@@ -60,10 +77,10 @@ impl Session {
     }
 
     /// The backbone's memory is given back when it has run; a later run takes it again.
-    fn backbone(&mut self) -> Result<&OnDevice, OmnixError> {
+    async fn backbone(&mut self) -> Result<&OnDevice, OmnixError> {
         let made = match self.backbone.take() {
             Some(made) => made,
-            None => self.weights.stage(&self.plan.backbone, &Bindings::default(), &mut crate::quiet())?,
+            None => self.weights.stage(&self.plan.backbone, &Bindings::default(), &mut crate::quiet()).await?,
         };
         Ok(self.backbone.insert(made))
     }
@@ -73,7 +90,7 @@ impl Session {
     ///
     /// # Errors
     /// When the index or the length is wrong, or a number is NaN or infinite: one would spoil every image.
-    pub fn set_image(&mut self, index: usize, pixels: &[f32]) -> Result<(), OmnixError> {
+    pub async fn set_image_async(&mut self, index: usize, pixels: &[f32]) -> Result<(), OmnixError> {
         let (width, plane) = (self.plan.request.width, self.plan.request.height * self.plan.request.width);
         let size = 3 * plane;
         if index >= self.plan.request.images || pixels.len() != size {
@@ -92,14 +109,14 @@ impl Session {
                 ),
             });
         }
-        self.backbone()?.write_at("images", index * size, pixels)?;
+        self.backbone().await?.write_at("images", index * size, pixels)?;
         self.written[index] = true;
         // What is written waits in staging memory for the next submission: thousands of images must not pile up there.
         self.unflushed += size as u64 * 4;
         if self.unflushed >= FLUSH {
             self.unflushed = 0;
             self.engine.gpu().queue.submit([]);
-            self.engine.gpu().wait()?;
+            self.engine.gpu().wait_async().await?;
         }
         Ok(())
     }
@@ -110,32 +127,32 @@ impl Session {
     ///
     /// # Errors
     /// When an image has not been set since the last run, the device fails, or `listener` failed or broke off.
-    pub fn run(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
-        let mut results = Readbacks::new(self.engine.gpu(), self.plan.head_images);
-        self.run_stages(listener, &mut results)
+    pub async fn run_async(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        let readbacks = Readbacks::new(self.engine.gpu(), self.plan.head_images);
+        self.run_stages(listener, Results::Readbacks(readbacks)).await
     }
 
-    /// As [`Session::run`], with results that stay on the device ([`Event::Resident`]): nothing is read back but the cameras, a
+    /// As [`Session::run_async`], with results that stay on the device ([`Event::Resident`]): nothing is read back but the cameras, a
     /// few numbers. What the host submits to the engine's queue while it is told of an image sees this image's results; the
     /// next images overwrite them.
     ///
     /// # Errors
-    /// As [`Session::run`].
-    pub fn run_resident(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
-        self.run_stages(listener, &mut Resident)
+    /// As [`Session::run_async`].
+    pub async fn run_resident_async(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        self.run_stages(listener, Results::Resident).await
     }
 
-    fn run_stages(&mut self, listener: Listener<'_>, results: &mut dyn Results) -> Result<(), OmnixError> {
+    async fn run_stages(&mut self, listener: Listener<'_>, mut results: Results) -> Result<(), OmnixError> {
         if let Some(image) = self.written.iter().position(|written| !written) {
             let reason =
                 format!("image {image} has not been set: a run uses the images up, set all of them before each");
             return Err(OmnixError::Request { reason });
         }
-        let made = self.run_backbone(listener)?;
+        let made = self.run_backbone(listener).await?;
         let mut motion = self.start_motion()?;
-        self.run_head(&made, motion.as_mut(), listener, results)?;
+        self.run_head(&made, motion.as_mut(), listener, &mut results).await?;
         if let Some(motion) = motion {
-            let field = self.run_motion(made, motion, listener)?;
+            let field = self.run_motion(made, motion, listener).await?;
             listener(Event::Field(Box::new(field)))?;
         }
         Ok(())

@@ -22,7 +22,7 @@ impl WeightStore {
     ///
     /// # Errors
     /// When a tensor cannot be read, memory runs out, or `progress` broke off ([`GraphError::Interrupted`]).
-    pub fn load(
+    pub async fn load_async(
         gpu: &Gpu,
         source: &dyn ParameterSource,
         keys: &[WeightKey],
@@ -35,8 +35,23 @@ impl WeightStore {
         let (slices, bytes) = upload(gpu, source, &distinct, &mut |written| {
             done += written;
             progress(done, total)
-        })?;
+        })
+        .await?;
         Ok(Self { slices: distinct.into_iter().cloned().zip(slices).collect(), bytes })
+    }
+
+    /// As [`WeightStore::load_async`], blocking.
+    ///
+    /// # Errors
+    /// As there.
+    #[cfg(not(target_arch = "wasm32"))]
+    pub fn load(
+        gpu: &Gpu,
+        source: &dyn ParameterSource,
+        keys: &[WeightKey],
+        progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+    ) -> Result<Self, GraphError> {
+        pollster::block_on(Self::load_async(gpu, source, keys, progress))
     }
 
     /// Bytes on the device.

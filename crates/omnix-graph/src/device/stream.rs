@@ -1,18 +1,18 @@
 //! A plan on a device whose weights do not stay there: while one stretch of the plan runs, the weights of the next are read,
 //! packed and written. At most two stretches' weights are on the device, so a network may be larger than its memory.
 
-use std::ops::{ControlFlow, Deref};
+#[cfg(not(target_arch = "wasm32"))]
+use std::ops::ControlFlow;
+use std::ops::Deref;
 
 use omnix_kernels::Gpu;
 
-use super::exec::{Piece, Submissions, pieces};
+use super::run::{Calls, Run, pieces};
 use super::source::ParameterSource;
-use super::store::WeightStore;
 use super::tensors::{Bindings, Tensors};
 use crate::error::GraphError;
-use crate::graph::WeightKey;
 use crate::plan::Plan;
-use crate::plan::record::{Recorded, record};
+use crate::plan::record::record;
 use crate::plan::stretch::stretches;
 
 /// A plan with its memory on a device, but for its weights, which pass through while it runs. For plans that run once: every
@@ -21,14 +21,6 @@ use crate::plan::stretch::stretches;
 pub struct Streamed {
     tensors: Tensors,
     stretches: Vec<Calls>,
-}
-
-/// The kernel calls of a stretch.
-#[derive(Debug)]
-struct Calls {
-    weights: Vec<WeightKey>,
-    recorded: Vec<Recorded>,
-    pieces: Vec<Piece>,
 }
 
 impl Streamed {
@@ -51,30 +43,23 @@ impl Streamed {
         Ok(Self { tensors: Tensors::new(gpu, plan, bindings)?, stretches: made })
     }
 
-    /// Runs with the weights of `source` and waits. `progress` is told as by [`crate::Executable::run`], and when weights are written.
+    /// Starts a run with the weights of `source`, which goes on with every [`Run::step`].
+    #[must_use]
+    pub fn start<'a>(&'a self, source: &'a dyn ParameterSource) -> Run<'a> {
+        Run::through(&self.tensors, &self.stretches, source)
+    }
+
+    /// Runs with the weights of `source` and waits, blocking; `progress` is told as by [`Run::finish`].
     ///
     /// # Errors
     /// When a weight cannot be read, memory runs out, the device is lost or `progress` broke off ([`GraphError::Interrupted`]).
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn run(
         &self,
         source: &dyn ParameterSource,
         progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
     ) -> Result<(), GraphError> {
-        let mut submissions = Submissions::new(&self.tensors, progress);
-        for stretch in &self.stretches {
-            // The stretch before may still run. The one before that has: its weights were given back when its end was waited for.
-            let gpu = self.tensors.gpu();
-            let loaded = WeightStore::load(gpu, source, &stretch.weights, &mut |_, _| submissions.listen());
-            let ran = loaded.and_then(|store| {
-                let program = self.tensors.program(&stretch.recorded, &store)?;
-                submissions.submit(&program, &stretch.pieces)
-            });
-            if ran.is_err() {
-                submissions.finish()?;
-                return ran;
-            }
-        }
-        submissions.finish()
+        pollster::block_on(self.start(source).finish(progress))
     }
 }
 

@@ -139,6 +139,18 @@ impl Tensors {
     ///
     /// # Errors
     /// When the name is wrong or the device is lost.
+    pub async fn read_async(&self, name: &str) -> Result<Vec<f32>, GraphError> {
+        Ok(readback::read_async(&self.gpu, &self.slice(name)?).await?)
+    }
+}
+
+/// Blocking.
+#[cfg(not(target_arch = "wasm32"))]
+impl Tensors {
+    /// As [`Tensors::read_async`].
+    ///
+    /// # Errors
+    /// As there.
     pub fn read(&self, name: &str) -> Result<Vec<f32>, GraphError> {
         Ok(readback::read(&self.gpu, &self.slice(name)?)?)
     }

@@ -26,7 +26,7 @@ pub(crate) type Written<'a> = &'a mut dyn FnMut(u64) -> ControlFlow<()>;
 ///
 /// # Errors
 /// When a tensor cannot be read or stored, memory runs out, or `written` broke off ([`GraphError::Interrupted`]).
-pub(crate) fn upload(
+pub(crate) async fn upload(
     gpu: &Gpu,
     source: &dyn ParameterSource,
     keys: &[&WeightKey],
@@ -46,7 +46,7 @@ pub(crate) fn upload(
             gpu.import("weights", memory, usage)?
         } else {
             let buffer = gpu.buffer("weights", size, usage | wgpu::BufferUsages::COPY_DST)?;
-            staged(gpu, &buffer, source, keys, written)?;
+            staged(gpu, &buffer, source, keys, written).await?;
             buffer
         };
         slices.extend(keys.iter().scan(0, |offset, key| {
@@ -99,7 +99,7 @@ fn in_place(
 
 /// Writes a buffer through staging memory. Two pieces are in memory at a time, and the packed third. The last may still be on its way
 /// when this returns: what is submitted next comes after it, and a device that has work is not waited for.
-fn staged(
+async fn staged(
     gpu: &Gpu,
     buffer: &wgpu::Buffer,
     source: &dyn ParameterSource,
@@ -116,7 +116,7 @@ fn staged(
         drop(packed);
         let copy = gpu.queue.submit([]);
         if let Some(before) = copying.replace(copy) {
-            gpu.wait_for(before)?;
+            gpu.wait_for_async(before).await?;
         }
         if written(bytes(piece)).is_break() {
             return Err(GraphError::Interrupted);

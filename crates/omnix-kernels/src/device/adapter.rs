@@ -22,12 +22,11 @@ fn backends() -> wgpu::Backends {
 }
 
 /// Every adapter, GPUs before software devices, otherwise in the order the system gives.
-#[must_use]
-pub fn enumerate() -> Vec<wgpu::Adapter> {
+pub async fn enumerate_async() -> Vec<wgpu::Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = backends();
     let instance = wgpu::Instance::new(descriptor);
-    let mut adapters = pollster::block_on(instance.enumerate_adapters(backends()));
+    let mut adapters = instance.enumerate_adapters(backends()).await;
     adapters.sort_by_key(|a| match a.get_info().device_type {
         wgpu::DeviceType::DiscreteGpu => 0,
         wgpu::DeviceType::IntegratedGpu => 1,
@@ -82,8 +81,8 @@ fn below(have: &wgpu::Limits) -> Vec<String> {
 ///
 /// # Errors
 /// [`KernelError::NoAdapter`] when there is none at all, none that matches, or only such as are too small.
-pub fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter, KernelError> {
-    let adapters = enumerate();
+pub async fn choose_async(wanted: Option<&str>) -> Result<wgpu::Adapter, KernelError> {
+    let adapters = enumerate_async().await;
     let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
     let none = |reason: String| KernelError::NoAdapter { reason };
     if adapters.is_empty() {
@@ -111,11 +110,11 @@ pub fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter, KernelError> {
 ///
 /// # Errors
 /// [`KernelError::NoAdapter`] when the driver refuses.
-pub fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), KernelError> {
-    request(adapter, wanted_features(), wgpu::ExperimentalFeatures::disabled())
+pub async fn open_async(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), KernelError> {
+    request(adapter, wanted_features(), wgpu::ExperimentalFeatures::disabled()).await
 }
 
-/// As [`open`], with wgpu's experimental cooperative matrices where the adapter has products that kernels can use; the
+/// As [`open_async`], with wgpu's experimental cooperative matrices where the adapter has products that kernels can use; the
 /// third value goes into [`crate::Caps::with_cooperative`]. A host that lends its own device asks for
 /// [`wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX`] and does the same with [`Cooperative::of`].
 ///
@@ -123,13 +122,15 @@ pub fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), Kern
 /// run on an NVIDIA H200; no driver of CI has it, there a stand-in tests their logic.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open_async`].
 #[cfg(feature = "experimental")]
-pub fn open_experimental(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue, Cooperative), KernelError> {
+pub async fn open_experimental_async(
+    adapter: &wgpu::Adapter,
+) -> Result<(wgpu::Device, wgpu::Queue, Cooperative), KernelError> {
     let products = Cooperative::of(&adapter.cooperative_matrix_properties());
     let feature = wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX;
     if !products.any() || !adapter.features().contains(feature) {
-        let (device, queue) = open(adapter)?;
+        let (device, queue) = open_async(adapter).await?;
         return Ok((device, queue, Cooperative::default()));
     }
     #[expect(unsafe_code, reason = "wgpu's way to say that an experimental feature may misbehave")]
@@ -137,11 +138,11 @@ pub fn open_experimental(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu:
     // is cooperative matrices, used only by the shaders of this workspace: validated when it is built, matrices within
     // workgroup memory at constant strides, operations in uniform control flow.
     let token = unsafe { wgpu::ExperimentalFeatures::enabled() };
-    let (device, queue) = request(adapter, wanted_features() | feature, token)?;
+    let (device, queue) = request(adapter, wanted_features() | feature, token).await?;
     Ok((device, queue, products))
 }
 
-fn request(
+async fn request(
     adapter: &wgpu::Adapter,
     features: wgpu::Features,
     experimental_features: wgpu::ExperimentalFeatures,
@@ -154,9 +155,53 @@ fn request(
         memory_hints: wgpu::MemoryHints::MemoryUsage,
         trace: wgpu::Trace::Off,
     };
-    host_memory::open(adapter, &descriptor)
-        .unwrap_or_else(|| pollster::block_on(adapter.request_device(&descriptor)))
-        .map_err(|e| KernelError::NoAdapter { reason: format!("{} cannot be opened: {e}", adapter.get_info().name) })
+    let opened = match host_memory::open(adapter, &descriptor) {
+        Some(opened) => opened,
+        None => adapter.request_device(&descriptor).await,
+    };
+    opened.map_err(|e| KernelError::NoAdapter { reason: format!("{} cannot be opened: {e}", adapter.get_info().name) })
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+pub use blocking::*;
+
+/// The same for programs with a thread to spare: blocking.
+#[cfg(not(target_arch = "wasm32"))]
+mod blocking {
+    use crate::KernelError;
+    #[cfg(feature = "experimental")]
+    use crate::caps::Cooperative;
+
+    /// As [`super::enumerate_async`].
+    #[must_use]
+    pub fn enumerate() -> Vec<wgpu::Adapter> {
+        pollster::block_on(super::enumerate_async())
+    }
+
+    /// As [`super::choose_async`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter, KernelError> {
+        pollster::block_on(super::choose_async(wanted))
+    }
+
+    /// As [`super::open_async`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), KernelError> {
+        pollster::block_on(super::open_async(adapter))
+    }
+
+    /// As [`super::open_experimental_async`].
+    ///
+    /// # Errors
+    /// As there.
+    #[cfg(feature = "experimental")]
+    pub fn open_experimental(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue, Cooperative), KernelError> {
+        pollster::block_on(super::open_experimental_async(adapter))
+    }
 }
 
 #[cfg(test)]

@@ -22,16 +22,14 @@ pub fn compile(gpu: &Gpu, dispatch: &Dispatch) -> Result<Duration, KernelError> 
     let scopes =
         [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory].map(|f| gpu.device.push_error_scope(f));
     let done = dispatch_nothing(gpu, dispatch);
-    let errors = scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).last();
+    let (kernel, variant) = (dispatch.shader.kernel, dispatch.shader.variant);
+    let failed = move |error: wgpu::Error| KernelError::Pipeline { kernel, variant, message: error.to_string() };
+    let settled = scopes.into_iter().rev().map(|scope| gpu.settle(scope, failed));
+    let settled: Vec<_> = settled.collect();
     gpu.check_lost()?;
     done?;
-    let shader = dispatch.shader;
-    let failed = |error: wgpu::Error| KernelError::Pipeline {
-        kernel: shader.kernel,
-        variant: shader.variant,
-        message: error.to_string(),
-    };
-    errors.map_or(Ok(started.elapsed()), |error| Err(failed(error)))
+    settled.into_iter().collect::<Result<(), _>>()?;
+    Ok(started.elapsed())
 }
 
 fn dispatch_nothing(gpu: &Gpu, dispatch: &Dispatch) -> Result<(), KernelError> {

@@ -30,6 +30,8 @@ struct Shared {
     /// Bound where an optional argument is absent.
     absent: wgpu::Buffer,
     lost: Lost,
+    /// What a browser found wrong after the call that it belongs to.
+    failed: Mutex<Option<KernelError>>,
     /// Whether it imports the program's memory.
     imports: bool,
 }
@@ -65,7 +67,7 @@ impl Gpu {
             mapped_at_creation: false,
         });
         let imports = host_memory::imports(device);
-        let shared = Shared { pipelines: Mutex::default(), absent, lost, imports };
+        let shared = Shared { pipelines: Mutex::default(), absent, lost, failed: Mutex::default(), imports };
         Self { device: device.clone(), queue: queue.clone(), caps, adapter: None, shared: Arc::new(shared) }
     }
 
@@ -83,6 +85,7 @@ impl Gpu {
 
     /// Another device of the same adapter, with the same facts, but for cooperative matrices, and no pipelines yet; none where the
     /// adapter is not known or refuses.
+    #[cfg(not(target_arch = "wasm32"))]
     #[must_use]
     pub fn sibling(&self) -> Option<Self> {
         let (device, queue) = adapter::open(self.adapter.as_ref()?).ok()?;
@@ -113,27 +116,15 @@ impl Gpu {
         self.shared.lost.set(message.to_owned());
     }
 
-    /// Waits until everything submitted has run.
-    ///
-    /// # Errors
-    /// [`KernelError::DeviceLost`].
-    pub fn wait(&self) -> Result<(), KernelError> {
-        self.poll(wgpu::PollType::wait_indefinitely())
+    /// Keeps an error until the next wait returns it; the first one stays.
+    #[cfg(target_arch = "wasm32")]
+    pub(crate) fn fail(&self, error: KernelError) {
+        self.shared.failed.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
     }
 
-    /// Waits until a submission has run; later ones go on.
-    ///
-    /// # Errors
-    /// [`KernelError::DeviceLost`].
-    pub fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), KernelError> {
-        self.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
-    }
-
-    fn poll(&self, until: wgpu::PollType) -> Result<(), KernelError> {
-        let polled = self.device.poll(until);
-        self.check_lost()?;
-        polled.map_err(|error| KernelError::DeviceLost { message: error.to_string() })?;
-        Ok(())
+    /// An error that was kept for this wait.
+    pub(crate) fn failed(&self) -> Result<(), KernelError> {
+        self.shared.failed.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
     }
 
     pub(crate) fn absent(&self) -> &wgpu::Buffer {
@@ -206,10 +197,11 @@ impl Gpu {
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let descriptor = wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
         let buffer = self.device.create_buffer(&descriptor);
-        let error = pollster::block_on(scope.pop());
+        let what = what.to_owned();
+        let made = self.settle(scope, move |_| KernelError::OutOfMemory { what, bytes });
         // A lost device returns an invalid buffer and no error.
         self.check_lost()?;
-        error.map_or(Ok(buffer), |_| Err(KernelError::OutOfMemory { what: what.to_owned(), bytes }))
+        made.map(|()| buffer)
     }
 
     /// Memory to write to, which is copied to `bytes` of `buffer` from `offset` on by the submission after it is dropped.
@@ -224,10 +216,10 @@ impl Gpu {
     ) -> Result<wgpu::QueueWriteBufferView, KernelError> {
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let view = wgpu::BufferSize::new(bytes).and_then(|size| self.queue.write_buffer_with(buffer, offset, size));
-        let error = pollster::block_on(scope.pop());
+        let full = move || KernelError::OutOfMemory { what: "staging memory".to_owned(), bytes };
+        let made = self.settle(scope, move |_| full());
         self.check_lost()?;
-        view.filter(|_| error.is_none())
-            .ok_or_else(|| KernelError::OutOfMemory { what: "staging memory".to_owned(), bytes })
+        made.and_then(|()| view.ok_or_else(full))
     }
 
     /// Makes the pipeline of `dispatch` before it is needed; whoever needs it meanwhile waits for this one. Threads may make
@@ -308,10 +300,8 @@ impl Gpu {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
-        match pollster::block_on(scope.pop()) {
-            Some(error) => Err(KernelError::Pipeline { kernel, variant, message: error.to_string() }),
-            None => Ok(Pipeline { pipeline, layout }),
-        }
+        let failed = move |error: wgpu::Error| KernelError::Pipeline { kernel, variant, message: error.to_string() };
+        self.settle(scope, failed).map(|()| Pipeline { pipeline, layout })
     }
 }
 

@@ -3,16 +3,18 @@
 //! Work goes in chunks of target times and, where even one time of all pixels is too much, of pixels. A number depends on
 //! neither, bit for bit, so what is evaluated at once, streamed, or from a saved field is the same.
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
 use omnix_graph::{Bindings, Executable, WeightStore};
-use omnix_kernels::{BufferSlice, readback};
+use omnix_kernels::BufferSlice;
+use omnix_kernels::readback::read_async;
 
 use super::Field;
 use super::chunk::{Chunk, Inputs, Sizes, plan};
 use super::maps::Maps;
 use super::query::{PathPiece, Paths, Pixels, Query, ResidentPaths};
 use super::shape::{PARTS, Part};
+use super::store::Resident;
 use crate::error::OmnixError;
 
 impl Field {
@@ -20,11 +22,11 @@ impl Field {
     ///
     /// # Errors
     /// [`OmnixError::Query`] for an image, pixel or time that is not there; failures of the device or of reading a file.
-    pub fn paths(&self, query: &Query) -> Result<Paths, OmnixError> {
+    pub async fn paths_async(&self, query: &Query) -> Result<Paths, OmnixError> {
         let pixels = self.check(query)?;
         let count = pixels.as_ref().map_or(self.shape().pixels(), Vec::len);
         let (mut positions, mut theta) = (vec![0.0; 3 * count * query.times.len()], vec![0.0; count]);
-        self.stream(query, &mut |piece| {
+        self.stream_async(query, &mut |piece| {
             let n = piece.theta.len();
             for time in 0..piece.times {
                 let to = 3 * ((piece.first_time - query.times.start + time) * count + piece.first_pixel);
@@ -32,7 +34,8 @@ impl Field {
             }
             theta[piece.first_pixel..piece.first_pixel + n].copy_from_slice(piece.theta);
             Ok(())
-        })?;
+        })
+        .await?;
         Ok(Paths { times: query.times.clone(), pixels, positions, theta })
     }
 
@@ -40,8 +43,8 @@ impl Field {
     /// asked for unless even one time of them is too much.
     ///
     /// # Errors
-    /// As [`Field::paths`], or of `each`.
-    pub fn stream(
+    /// As [`Field::paths_async`], or of `each`.
+    pub async fn stream_async(
         &self,
         query: &Query,
         each: &mut dyn FnMut(&PathPiece<'_>) -> Result<(), OmnixError>,
@@ -56,7 +59,7 @@ impl Field {
         if chunk.pixels < count && pixels.is_none() {
             pixels = Some((0..count as u32).collect());
         }
-        let evaluation = self.evaluation(query, pixels.as_deref(), chunk, inputs)?;
+        let evaluation = self.evaluation(query, pixels.as_deref(), chunk, inputs).await?;
         for first_time in query.times.clone().step_by(chunk.times) {
             let times = chunk.times.min(query.times.end - first_time);
             for first_pixel in (0..count).step_by(chunk.pixels) {
@@ -64,9 +67,9 @@ impl Field {
                 if let Some(pixels) = &pixels {
                     evaluation.list(pixels, first_pixel..first_pixel + n, chunk.pixels)?;
                 }
-                let [positions, theta] = evaluation.run(query, first_time)?;
-                let positions = readback::read::<f32>(self.gpu(), &positions)?;
-                let theta = readback::read::<f32>(self.gpu(), &theta)?;
+                let [positions, theta] = evaluation.run(query, first_time).await?;
+                let positions = read_async::<f32>(self.gpu(), &positions).await?;
+                let theta = read_async::<f32>(self.gpu(), &theta).await?;
                 // A shorter last chunk runs at the same size: its tail is left aside.
                 let kept: Vec<f32> = if n == chunk.pixels {
                     positions[..3 * times * n].to_vec()
@@ -77,14 +80,15 @@ impl Field {
                 each(&PathPiece { first_time, times, first_pixel, positions: &kept, theta: &theta[..n] })?;
             }
         }
+        self.release(query.image, evaluation);
         Ok(())
     }
 
     /// Evaluates trajectories in one piece that stays on the device.
     ///
     /// # Errors
-    /// As [`Field::paths`]; also for no pixels or no times.
-    pub fn resident_paths(&self, query: &Query) -> Result<ResidentPaths, OmnixError> {
+    /// As [`Field::paths_async`]; also for no pixels or no times.
+    pub async fn resident_paths_async(&self, query: &Query) -> Result<ResidentPaths, OmnixError> {
         let pixels = self.check(query)?;
         let count = pixels.as_ref().map_or(self.shape().pixels(), Vec::len);
         if count == 0 || query.times.is_empty() {
@@ -92,17 +96,18 @@ impl Field {
         }
         let inputs = self.inputs(query, pixels.as_deref());
         let chunk = Chunk { pixels: count, times: query.times.len() };
-        let evaluation = self.evaluation(query, pixels.as_deref(), chunk, inputs)?;
+        let evaluation = self.evaluation(query, pixels.as_deref(), chunk, inputs).await?;
         if let Some(pixels) = &pixels {
             evaluation.list(pixels, 0..count, count)?;
         }
-        let [positions, theta] = evaluation.run(query, query.times.start)?;
+        let [positions, theta] = evaluation.run(query, query.times.start).await?;
+        self.release(query.image, evaluation);
         Ok(ResidentPaths { positions, theta })
     }
 
     /// Computes and keeps the scores of an image's pixels.
-    pub(crate) fn score(&mut self, image: usize) -> Result<(), OmnixError> {
-        let paths = self.paths(&Query::new(image, Pixels::All, image..image + 1))?;
+    pub(crate) async fn score(&mut self, image: usize) -> Result<(), OmnixError> {
+        let paths = self.paths_async(&Query::new(image, Pixels::All, image..image + 1)).await?;
         if let Maps::Memory(maps) = &mut self.maps {
             maps[image].theta = paths.theta;
         }
@@ -139,7 +144,7 @@ impl Field {
         Ok(sizes.fit(whole, listed, self.room())?.0)
     }
 
-    fn evaluation(
+    async fn evaluation(
         &self,
         query: &Query,
         pixels: Option<&[u32]>,
@@ -153,18 +158,26 @@ impl Field {
             (Inputs::Rows { .. }, Some(pixels)) => {
                 let exec = made(&Bindings::default())?;
                 exec.write(Part::Field.name(), &self.store.times(image, &query.times)?)?;
-                exec.write(Part::Mask.name(), &self.store.numbers(image, Part::Mask)?)?;
+                exec.write(Part::Mask.name(), &self.store.numbers(image, Part::Mask).await?)?;
                 let mut rows = Vec::with_capacity(ROWS.len());
                 for part in ROWS {
                     rows.push((part, self.store.rows(image, part, pixels)?));
                 }
-                Ok(Evaluation { exec, rows })
+                Ok(Evaluation { exec, rows, whole: None })
             }
             _ => {
-                let parts = PARTS.into_iter().zip(self.image(image)?);
-                let bindings: Bindings = parts.map(|(part, slice)| (part.name().to_owned(), slice)).collect();
-                Ok(Evaluation { exec: made(&bindings)?, rows: Vec::new() })
+                let whole = self.store.image(image).await?;
+                let parts = PARTS.into_iter().zip(&whole);
+                let bindings: Bindings = parts.map(|(part, slice)| (part.name().to_owned(), slice.clone())).collect();
+                Ok(Evaluation { exec: made(&bindings)?, rows: Vec::new(), whole: Some(whole) })
             }
+        }
+    }
+
+    /// Gives back what an evaluation took of the store; one that failed takes it along.
+    fn release(&self, image: usize, evaluation: Evaluation) {
+        if let Some(whole) = evaluation.whole {
+            self.store.release(image, whole);
         }
     }
 }
@@ -180,6 +193,8 @@ struct Evaluation {
     exec: Executable,
     /// Of [`Inputs::Rows`]: rows of all listed pixels; those of a chunk go to the device.
     rows: Vec<(Part, Vec<f32>)>,
+    /// Of [`Inputs::Whole`]: the image's parts.
+    whole: Option<Resident>,
 }
 
 impl Evaluation {
@@ -200,7 +215,7 @@ impl Evaluation {
     }
 
     /// Positions and scores from time `first` on.
-    fn run(&self, query: &Query, first: usize) -> Result<[BufferSlice; 2], OmnixError> {
+    async fn run(&self, query: &Query, first: usize) -> Result<[BufferSlice; 2], OmnixError> {
         let when = if self.rows.is_empty() {
             [query.image, first]
         } else {
@@ -208,7 +223,7 @@ impl Evaluation {
             [query.times.len(), first - query.times.start]
         };
         self.exec.write_indices("when", &when.map(|time| time as u32))?;
-        self.exec.run(&mut |_, _| std::ops::ControlFlow::Continue(()))?;
+        self.exec.start().finish(&mut |_, _| ControlFlow::Continue(())).await?;
         Ok([self.exec.slice("trajectory")?, self.exec.slice("theta")?])
     }
 }

@@ -27,6 +27,7 @@ use omnix_graph::ops::{Gate, Motion};
 use omnix_io::IoError;
 use omnix_io::output::field::{Dtype, FieldReader, FieldWriter, TensorSpec};
 use omnix_model::PATCH;
+use pollster::block_on;
 use serde_json::{Value, json};
 
 use super::file::MapsFile;
@@ -107,7 +108,7 @@ impl Field {
         let mut file = FieldWriter::create(path, &specs, &self.metadata())?;
         for part in PARTS {
             for image in 0..images {
-                file.write(part.name(), &self.store.numbers(image, part)?)?;
+                file.write(part.name(), &block_on(self.store.numbers(image, part))?)?;
             }
         }
         let all = self.images();

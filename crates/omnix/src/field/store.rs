@@ -6,7 +6,8 @@
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use omnix_kernels::{BufferSlice, Gpu, KernelError, readback};
+use omnix_kernels::readback::read_async;
+use omnix_kernels::{BufferSlice, Gpu, KernelError};
 
 use super::shape::{FieldShape, PARTS, Part};
 use crate::error::OmnixError;
@@ -90,7 +91,7 @@ impl Store {
     }
 
     /// Takes a part of an image from a buffer of the device.
-    pub(crate) fn put(&mut self, image: usize, part: Part, from: &BufferSlice) -> Result<(), OmnixError> {
+    pub(crate) async fn put(&mut self, image: usize, part: Part, from: &BufferSlice) -> Result<(), OmnixError> {
         let bytes = self.shape.numbers(part) as u64 * 4;
         let from = BufferSlice { size: bytes, ..from.clone() };
         match &mut self.place {
@@ -102,7 +103,7 @@ impl Store {
                 Ok(())
             }
             Place::File { file, .. } => {
-                let numbers = readback::read::<f32>(&self.gpu, &from)?;
+                let numbers = read_async::<f32>(&self.gpu, &from).await?;
                 let backing = file.get_mut().unwrap_or_else(PoisonError::into_inner);
                 backing.write(&self.shape, image, part, &numbers)
             }
@@ -110,55 +111,60 @@ impl Store {
     }
 
     /// Copies a part of an image into a buffer of the device.
-    pub(crate) fn give(&self, image: usize, part: Part, to: &BufferSlice) -> Result<(), OmnixError> {
+    pub(crate) async fn give(&self, image: usize, part: Part, to: &BufferSlice) -> Result<(), OmnixError> {
         match &self.place {
             Place::Device(images) => {
                 let from = images[image][part as usize].as_ref().ok_or_else(|| absent(part))?;
                 copy(&self.gpu, from, to);
             }
             Place::File { .. } => {
-                let numbers = self.numbers(image, part)?;
+                let numbers = self.numbers(image, part).await?;
                 self.gpu.queue.write_buffer(&to.buffer, to.offset, bytemuck::cast_slice(&numbers));
             }
         }
         Ok(())
     }
 
-    /// One image's parts on the device: until the next call, if they come from a file.
-    pub(crate) fn image(&self, image: usize) -> Result<Resident, OmnixError> {
+    /// One image's parts on the device. If they come from a file, the caller has the buffers that they pass through until it gives them back
+    /// with [`Store::release`]; whoever asks meanwhile gets others.
+    pub(crate) async fn image(&self, image: usize) -> Result<Resident, OmnixError> {
         match &self.place {
             Place::Device(images) => {
                 let part = |part: Part| images[image][part as usize].clone().ok_or_else(|| absent(part));
                 Ok([part(PARTS[0])?, part(PARTS[1])?, part(PARTS[2])?, part(PARTS[3])?, part(PARTS[4])?])
             }
             Place::File { staged, .. } => {
-                let mut staged = staged.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some(found) = staged.as_ref().filter(|s| s.image == image) {
-                    return Ok(found.parts.clone());
-                }
-                let parts = match staged.take() {
+                let before = staged.lock().unwrap_or_else(PoisonError::into_inner).take();
+                let parts = match before {
+                    Some(found) if found.image == image => return Ok(found.parts),
                     Some(before) => before.parts,
                     None => self.buffers()?,
                 };
                 for (part, slice) in PARTS.into_iter().zip(&parts) {
-                    let numbers = self.numbers(image, part)?;
+                    let numbers = self.numbers(image, part).await?;
                     self.gpu.queue.write_buffer(&slice.buffer, slice.offset, bytemuck::cast_slice(&numbers));
                     // What is written waits in staging memory until it is submitted.
                     self.gpu.queue.submit([]);
-                    self.gpu.wait()?;
+                    self.gpu.wait_async().await?;
                 }
-                *staged = Some(Staged { image, parts: parts.clone() });
                 Ok(parts)
             }
         }
     }
 
+    /// Takes back the buffers of [`Store::image`], with that image in them, for the next call.
+    pub(crate) fn release(&self, image: usize, parts: Resident) {
+        if let Place::File { staged, .. } = &self.place {
+            *staged.lock().unwrap_or_else(PoisonError::into_inner) = Some(Staged { image, parts });
+        }
+    }
+
     /// A part of an image on the host.
-    pub(crate) fn numbers(&self, image: usize, part: Part) -> Result<Vec<f32>, OmnixError> {
+    pub(crate) async fn numbers(&self, image: usize, part: Part) -> Result<Vec<f32>, OmnixError> {
         match &self.place {
             Place::Device(images) => {
                 let slice = images[image][part as usize].as_ref().ok_or_else(|| absent(part))?;
-                Ok(readback::read(&self.gpu, slice)?)
+                Ok(read_async(&self.gpu, slice).await?)
             }
             Place::File { .. } => self.backing(part)?.range(&self.shape, image, part, 0..self.shape.numbers(part)),
         }

@@ -1,18 +1,18 @@
 //! The stages that make geometry: the backbone over all images, then the head a few images at a time.
 
 use omnix_geometry::{Camera, align_cameras, decode_pose_code, encode_pose_code, normalise_extrinsics};
-use omnix_graph::GraphError;
 
 use super::Session;
 use super::handover::{BackboneResults, fill, inputs, part};
 use super::motion::FieldBuilder;
+use super::on_device::{OnDevice, PhasePart};
 use super::readback::Results;
 use crate::error::OmnixError;
-use crate::event::{Listener, Phase, ResidentGeometry, Teller};
+use crate::event::{Listener, Phase, ResidentGeometry};
 
 impl Session {
     /// Features on the device and cameras.
-    pub(super) fn run_backbone(&mut self, listener: Listener<'_>) -> Result<BackboneResults, OmnixError> {
+    pub(super) async fn run_backbone(&mut self, listener: Listener<'_>) -> Result<BackboneResults, OmnixError> {
         let (height, width) = (self.plan.request.height as u32, self.plan.request.width as u32);
         let given = self.plan.request.cameras.clone();
         if let Some(given) = &given {
@@ -20,13 +20,12 @@ impl Session {
             let normalised = normalise_extrinsics(&poses)?;
             let cameras = given.iter().zip(normalised).map(|(c, extrinsics)| Camera { extrinsics, ..*c });
             let codes: Vec<f32> = cameras.flat_map(|c| encode_pose_code(&c, height, width)).collect();
-            self.backbone()?.write("camera_codes", &codes)?;
+            self.backbone().await?.write("camera_codes", &codes)?;
         }
-        let backbone = self.backbone()?;
-        let mut teller = Teller::new(listener);
-        let ran = backbone.run(&mut |done, total| teller.progress(Phase::Backbone, done, total));
-        teller.end(ran)?;
-        let codes = backbone.read("cam.pose_enc")?;
+        let backbone = self.backbone().await?;
+        let whole = PhasePart { phase: Phase::Backbone, before: 0, total: backbone.plan().flops() };
+        backbone.run(whole, listener).await?;
+        let codes = backbone.read_async("cam.pose_enc").await?;
         let predicted =
             codes.chunks_exact(9).map(|code| decode_pose_code(std::array::from_fn(|i| code[i]), height, width));
         let mut cameras: Vec<Camera> = predicted.collect();
@@ -47,17 +46,17 @@ impl Session {
     }
 
     /// Each image's geometry to `results`, and what motion needs of it to `motion`.
-    pub(super) fn run_head(
+    pub(super) async fn run_head(
         &mut self,
         made: &BackboneResults,
         mut motion: Option<&mut FieldBuilder>,
         listener: Listener<'_>,
-        results: &mut dyn Results,
+        results: &mut Results,
     ) -> Result<(), OmnixError> {
         let (images, step) = (self.plan.request.images, self.plan.head_images);
         let runs = self.plan.head_runs();
         let bindings = inputs(&made.features, runs);
-        let head = self.weights.stage(&self.plan.head, &bindings, listener)?;
+        let head = self.weights.stage(&self.plan.head, &bindings, listener).await?;
         let total = self.plan.head_flops();
         for first in (0..images).step_by(step) {
             let count = step.min(images - first);
@@ -68,21 +67,11 @@ impl Session {
                 motion.fill_head(&head, &made.cameras, first, count)?;
             }
             let before = head.plan().flops() * (first / step) as u64;
-            let mut teller = Teller::new(listener);
-            let ran = head.run(&mut |done, _| {
-                teller.with(|listener| results.between(listener))?;
-                teller.progress(Phase::Head, before + done, total)
-            });
-            let stopped = matches!(ran, Err(GraphError::Interrupted));
-            let ran = teller.end(ran);
-            if stopped && matches!(ran, Err(OmnixError::Interrupted)) {
-                results.finish(listener)?;
-            }
-            ran?;
+            run_between(&head, PhasePart { phase: Phase::Head, before, total }, listener, results).await?;
             for i in 0..count {
                 let part = |name: &str| part(&head, name, i, step);
                 if let Some(motion) = &mut motion {
-                    motion.take_head(first + i, &part)?;
+                    motion.take_head(first + i, &part).await?;
                 }
                 let rays = if self.plan.request.rays { Some((part("ray")?, part("ray_conf")?)) } else { None };
                 let geometry = ResidentGeometry {
@@ -94,9 +83,31 @@ impl Session {
                     rays,
                     points: motion.as_ref().map(|_| part("points")).transpose()?,
                 };
-                results.done(geometry, listener)?;
+                results.done(geometry, listener).await?;
             }
         }
-        results.finish(listener)
+        results.finish(listener).await
     }
+}
+
+/// Runs the head on a few images, and hands out the results of those before in the meantime. Where the listener breaks off, what was
+/// computed by then is still told.
+async fn run_between(
+    head: &OnDevice,
+    part: PhasePart,
+    listener: Listener<'_>,
+    results: &mut Results,
+) -> Result<(), OmnixError> {
+    let mut run = head.start();
+    while let Some(step) = run.step().await? {
+        results.between(listener).await?;
+        if let Err(error) = part.tell(step.done, listener) {
+            run.stop().await?;
+            if matches!(error, OmnixError::Interrupted) {
+                results.finish(listener).await?;
+            }
+            return Err(error);
+        }
+    }
+    Ok(())
 }

@@ -3,12 +3,14 @@
 use omnix_geometry::{Camera, NETWORK_UNIT, corner_rays};
 use omnix_graph::Tensors;
 use omnix_graph::ops::Motion;
-use omnix_kernels::{BufferSlice, Gpu, readback};
+use omnix_kernels::readback::read_async;
+use omnix_kernels::{BufferSlice, Gpu};
 
 use super::Session;
 use super::handover::{BackboneResults, fill, inputs, part};
+use super::on_device::PhasePart;
 use crate::error::OmnixError;
-use crate::event::{Event, FrameMotion, Listener, Phase, Teller};
+use crate::event::{Event, FrameMotion, Listener, Phase};
 use crate::field::{About, Field, FieldImage, FieldShape, ImageMaps, Maps, Part, Store, copy, motion_of};
 #[cfg(feature = "io")]
 use crate::request::FieldPlace;
@@ -45,12 +47,12 @@ impl FieldBuilder {
     }
 
     /// Takes an image's points and tokens from the head's outputs.
-    pub(super) fn take_head(
+    pub(super) async fn take_head(
         &mut self,
         image: usize,
         output: &dyn Fn(&str) -> Result<BufferSlice, OmnixError>,
     ) -> Result<(), OmnixError> {
-        self.store.put(image, Part::Points, &output("points")?)?;
+        self.store.put(image, Part::Points, &output("points")?).await?;
         if let Some(tokens) = &self.tokens {
             let from = output(TOKENS)?;
             let offset = tokens.offset + image as u64 * from.size;
@@ -87,17 +89,17 @@ impl Session {
     }
 
     /// The field of all images.
-    pub(super) fn run_motion(
+    pub(super) async fn run_motion(
         &mut self,
         kept: BackboneResults,
         mut making: FieldBuilder,
         listener: Listener<'_>,
     ) -> Result<Field, OmnixError> {
-        self.run_module(&kept, &mut making, listener)?;
-        let confidence = self.run_sampling(&kept, &mut making, listener)?;
+        self.run_module(&kept, &mut making, listener).await?;
+        let confidence = self.run_sampling(&kept, &mut making, listener).await?;
         let BackboneResults { features, cameras, .. } = kept;
         drop(features);
-        self.engine.gpu().wait()?;
+        self.engine.gpu().wait_async().await?;
         let times = self.plan.request.image_times();
         let images = cameras.into_iter().zip(times);
         let images = images.map(|(camera, (video, frame))| FieldImage { video, frame, time_s: None, camera });
@@ -114,7 +116,7 @@ impl Session {
         let FieldBuilder { shape, motion, store, .. } = making;
         let mut field = Field::new(&self.engine, (shape, motion), store, room, known, about);
         for index in 0..shape.images {
-            field.score(index)?;
+            field.score(index).await?;
             let (theta, confidence) = (field.theta(index)?.into_owned(), field.confidence(index)?.into_owned());
             listener(Event::Motion(FrameMotion { index, theta, confidence }))?;
         }
@@ -122,7 +124,7 @@ impl Session {
     }
 
     /// Field and mask of every image.
-    fn run_module(
+    async fn run_module(
         &mut self,
         kept: &BackboneResults,
         making: &mut FieldBuilder,
@@ -131,20 +133,21 @@ impl Session {
         let Some(plan) = &self.plan.motion else { return Ok(()) };
         let mut bindings = inputs(&kept.features, 1);
         bindings.extend(making.tokens.take().map(|tokens| (TOKENS.to_owned(), tokens)));
-        let module = self.weights.stage(&plan.module, &bindings, listener)?;
-        let mut teller = Teller::new(listener);
-        let ran = module.run(&mut |done, total| teller.progress(Phase::Motion, done, total));
-        teller.end(ran)?;
+        let module = self.weights.stage(&plan.module, &bindings, listener).await?;
+        let whole = PhasePart { phase: Phase::Motion, before: 0, total: module.plan().flops() };
+        module.run(whole, listener).await?;
         for image in 0..making.shape.images {
-            making.store.put(image, Part::Field, &part(&module, "field", image, making.shape.images)?)?;
-            making.store.put(image, Part::Mask, &part(&module, "mask", image, making.shape.images)?)?;
+            for which in [Part::Field, Part::Mask] {
+                let made = part(&module, which.name(), image, making.shape.images)?;
+                making.store.put(image, which, &made).await?;
+            }
         }
-        self.engine.gpu().wait()?;
+        self.engine.gpu().wait_async().await?;
         Ok(())
     }
 
     /// Offsets and weights of every image's pixels; their confidences.
-    fn run_sampling(
+    async fn run_sampling(
         &self,
         kept: &BackboneResults,
         making: &mut FieldBuilder,
@@ -155,7 +158,7 @@ impl Session {
         let gpu = self.engine.gpu();
         let runs = plan.sampling_runs();
         let bindings = inputs(&kept.features, runs);
-        let sampling = self.weights.stage(&plan.sampling, &bindings, listener)?;
+        let sampling = self.weights.stage(&plan.sampling, &bindings, listener).await?;
         let flops = sampling.plan().flops();
         let total = flops * runs as u64;
         let mut confidence = Vec::with_capacity(images);
@@ -166,18 +169,16 @@ impl Session {
             }
             for i in 0..count {
                 for which in [Part::Field, Part::Mask] {
-                    making.store.give(first + i, which, &part(&sampling, which.name(), i, step)?)?;
+                    making.store.give(first + i, which, &part(&sampling, which.name(), i, step)?).await?;
                 }
             }
             let before = flops * (first / step) as u64;
-            let mut teller = Teller::new(listener);
-            let ran = sampling.run(&mut |done, _| teller.progress(Phase::Sampling, before + done, total));
-            teller.end(ran)?;
+            sampling.run(PhasePart { phase: Phase::Sampling, before, total }, listener).await?;
             for i in 0..count {
                 for which in [Part::Offsets, Part::Weights] {
-                    making.store.put(first + i, which, &part(&sampling, which.name(), i, step)?)?;
+                    making.store.put(first + i, which, &part(&sampling, which.name(), i, step)?).await?;
                 }
-                confidence.push(readback::read::<f32>(gpu, &part(&sampling, "traj_conf", i, step)?)?);
+                confidence.push(read_async::<f32>(gpu, &part(&sampling, "traj_conf", i, step)?).await?);
             }
         }
         Ok(confidence)

@@ -1,14 +1,14 @@
 //! The stages on the device: with weights that stay as long as the session, with weights of their own, or, where a stage runs
 //! once, with weights that pass through.
 
-use std::ops::{ControlFlow, Deref};
+use std::ops::Deref;
 
 use omnix_graph::WeightKey;
-use omnix_graph::{Bindings, Executable, GraphError, Plan, Streamed, Tensors, WeightStore};
+use omnix_graph::{Bindings, Executable, Plan, Run, Streamed, Tensors, WeightStore};
 use omnix_kernels::Gpu;
 
 use crate::error::OmnixError;
-use crate::event::{Listener, Phase, Teller};
+use crate::event::{Event, Listener, Phase, Progress, Teller};
 use crate::plan::RunPlan;
 use crate::weights::Weights;
 
@@ -19,6 +19,23 @@ pub(super) struct SessionWeights {
     weights: Weights,
     /// All of them on the device, if they stay there.
     kept: Option<WeightStore>,
+}
+
+/// A run as a part of a phase.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PhasePart {
+    pub(super) phase: Phase,
+    /// Operations of the phase that were done before.
+    pub(super) before: u64,
+    /// Operations of the phase.
+    pub(super) total: u64,
+}
+
+impl PhasePart {
+    /// Tells that `done` operations of this part are done.
+    pub(super) fn tell(&self, done: u64, listener: Listener<'_>) -> Result<(), OmnixError> {
+        listener(Event::Progress(Progress { phase: self.phase, done: self.before + done, total: self.total }))
+    }
 }
 
 /// A stage that can run.
@@ -33,7 +50,7 @@ pub(super) enum OnDevice {
 impl SessionWeights {
     /// Uploads all weights if they stay. If not, all are verified, so that no work is lost to a damaged file later: for values that
     /// are NaN or infinite, or would be as they are stored.
-    pub(super) fn new(
+    pub(super) async fn new(
         gpu: &Gpu,
         weights: &Weights,
         plan: &RunPlan,
@@ -42,8 +59,8 @@ impl SessionWeights {
         let keys: Vec<WeightKey> = plan.plans().flat_map(|(plan, _)| &plan.weights).cloned().collect();
         let kept = if plan.request.keep_weights {
             let mut teller = Teller::new(listener);
-            let loaded =
-                WeightStore::load(gpu, weights, &keys, &mut |done, total| teller.progress(Phase::Weights, done, total));
+            let mut report = |done, total| teller.progress(Phase::Weights, done, total);
+            let loaded = WeightStore::load_async(gpu, weights, &keys, &mut report).await;
             Some(teller.end(loaded)?)
         } else {
             let mut teller = Teller::new(listener);
@@ -60,7 +77,7 @@ impl SessionWeights {
     }
 
     /// Makes a stage ready. Whoever has the stage before lets go of it first.
-    pub(super) fn stage(
+    pub(super) async fn stage(
         &self,
         plan: &Plan,
         bindings: &Bindings,
@@ -70,26 +87,38 @@ impl SessionWeights {
             return Ok(OnDevice::Loaded(Executable::new(&self.gpu, plan.clone(), store, bindings)?));
         }
         // Buffers are given back when the device is next waited for.
-        self.gpu.wait()?;
+        self.gpu.wait_async().await?;
         if plan.streamed {
             let streamed = Streamed::new(&self.gpu, plan.clone(), bindings)?;
             return Ok(OnDevice::Streamed(streamed, Box::new(self.weights.clone())));
         }
         let mut teller = Teller::new(listener);
         let mut report = |done, total| teller.progress(Phase::Weights, done, total);
-        let loaded = WeightStore::load(&self.gpu, &self.weights, &plan.weights, &mut report);
+        let loaded = WeightStore::load_async(&self.gpu, &self.weights, &plan.weights, &mut report).await;
         let store = teller.end(loaded)?;
         Ok(OnDevice::Loaded(Executable::new(&self.gpu, plan.clone(), &store, bindings)?))
     }
 }
 
 impl OnDevice {
-    /// Runs and waits, see [`Executable::run`].
-    pub(super) fn run(&self, progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>) -> Result<(), GraphError> {
+    /// Starts a run.
+    pub(super) fn start(&self) -> Run<'_> {
         match self {
-            Self::Loaded(executable) => executable.run(progress),
-            Self::Streamed(streamed, weights) => streamed.run(&**weights, progress),
+            Self::Loaded(executable) => executable.start(),
+            Self::Streamed(streamed, weights) => streamed.start(&**weights),
         }
+    }
+
+    /// Runs, and tells `listener` how much of `phase` is done: what was before, and what this run has done.
+    pub(super) async fn run(&self, part: PhasePart, listener: Listener<'_>) -> Result<(), OmnixError> {
+        let mut run = self.start();
+        while let Some(step) = run.step().await? {
+            if let Err(error) = part.tell(step.done, listener) {
+                run.stop().await?;
+                return Err(error);
+            }
+        }
+        Ok(())
     }
 }
 

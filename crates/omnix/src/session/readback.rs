@@ -10,29 +10,37 @@ use crate::error::OmnixError;
 use crate::event::{Event, FrameGeometry, Listener, ResidentGeometry};
 
 /// What takes the head's results.
-pub(super) trait Results {
+pub(super) enum Results {
+    /// They are told of where they are.
+    Resident,
+    /// They are read back.
+    Readbacks(Readbacks),
+}
+
+impl Results {
     /// An image is done. What is submitted later overwrites its buffers.
-    fn done(&mut self, image: ResidentGeometry, listener: Listener<'_>) -> Result<(), OmnixError>;
+    pub(super) async fn done(&mut self, image: ResidentGeometry, listener: Listener<'_>) -> Result<(), OmnixError> {
+        match self {
+            Self::Resident => listener(Event::Resident(image)),
+            Self::Readbacks(readbacks) => readbacks.done(image, listener).await,
+        }
+    }
 
     /// The device has work: time for the host's.
-    fn between(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
-        let _ = listener;
-        Ok(())
+    pub(super) async fn between(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        match self {
+            Self::Resident => Ok(()),
+            Self::Readbacks(readbacks) => readbacks.hand_out(listener).await,
+        }
     }
 
     /// No image follows.
-    fn finish(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
-        let _ = listener;
+    pub(super) async fn finish(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        let Self::Readbacks(readbacks) = self else { return Ok(()) };
+        while !readbacks.waiting.is_empty() {
+            readbacks.hand_out(listener).await?;
+        }
         Ok(())
-    }
-}
-
-/// Tells of results where they are.
-pub(super) struct Resident;
-
-impl Results for Resident {
-    fn done(&mut self, image: ResidentGeometry, listener: Listener<'_>) -> Result<(), OmnixError> {
-        listener(Event::Resident(image))
     }
 }
 
@@ -59,24 +67,25 @@ impl Readbacks {
         Self { gpu: gpu.clone(), most, waiting: VecDeque::with_capacity(most) }
     }
 
-    fn hand_out(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+    async fn hand_out(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
         let Some(image) = self.waiting.pop_front() else { return Ok(()) };
-        let read = |copy: Readback| copy.finish::<f32>(&self.gpu);
-        let rays = image.rays.map(|(ray, conf)| Ok::<_, OmnixError>((read(ray)?, read(conf)?))).transpose()?;
+        let read = |copy: Readback| copy.finish_async::<f32>(&self.gpu);
+        let rays = match image.rays {
+            Some((ray, conf)) => Some((read(ray).await?, read(conf).await?)),
+            None => None,
+        };
         listener(Event::Frame(FrameGeometry {
             index: image.index,
-            depth: read(image.depth)?.into_iter().map(|d| d * image.depth_scale).collect(),
-            confidence: read(image.confidence)?,
+            depth: read(image.depth).await?.into_iter().map(|d| d * image.depth_scale).collect(),
+            confidence: read(image.confidence).await?,
             camera: image.camera,
             rays,
         }))
     }
-}
 
-impl Results for Readbacks {
-    fn done(&mut self, image: ResidentGeometry, listener: Listener<'_>) -> Result<(), OmnixError> {
+    async fn done(&mut self, image: ResidentGeometry, listener: Listener<'_>) -> Result<(), OmnixError> {
         if self.waiting.len() == self.most {
-            self.hand_out(listener)?;
+            self.hand_out(listener).await?;
         }
         let copy = |slice: &BufferSlice| Readback::start(&self.gpu, slice);
         let rays = image.rays.as_ref().map(|(ray, conf)| Ok::<_, OmnixError>((copy(ray)?, copy(conf)?)));
@@ -88,17 +97,6 @@ impl Results for Readbacks {
             depth_scale: image.depth_scale,
             rays: rays.transpose()?,
         });
-        Ok(())
-    }
-
-    fn between(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
-        self.hand_out(listener)
-    }
-
-    fn finish(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
-        while !self.waiting.is_empty() {
-            self.hand_out(listener)?;
-        }
         Ok(())
     }
 }
