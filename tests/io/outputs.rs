@@ -144,15 +144,14 @@ fn ply_points_are_where_the_camera_saw_them() {
 #[test]
 fn ply_filter_and_limit() {
     let dir = tempfile::tempdir().unwrap();
-    let options =
-        SinkOptions { ply_confidence_percentile: Some(50.0), ply_max_points: Some(100), ..Default::default() };
+    let options = SinkOptions::default().ply_confidence_percentile(Some(50.0)).ply_max_points(Some(100));
     run(dir.path(), "ply", &options, &IMAGES, false);
     let ply = read_ply(&dir.path().join("points.ply"));
     assert_eq!(ply.points.len(), 100);
     assert!(ply.points.iter().all(|p| p.2 >= 1.39), "a point below the median");
     let last_camera = ply.points.iter().filter(|p| p.0[2] > 2.3).count();
     assert!(last_camera > 10, "points are not spread: {last_camera}");
-    let unlimited = SinkOptions { ply_max_points: None, ..options };
+    let unlimited = options.ply_max_points(None);
     run(dir.path(), "ply", &unlimited, &IMAGES, false);
     let count = read_ply(&dir.path().join("points.ply")).points.len();
     assert!((580..=720).contains(&count), "{count} of 1167 points are at or above the median, five or six tenths");
@@ -208,7 +207,7 @@ fn glb_is_centred_and_draws_the_cameras() {
 #[test]
 fn glb_point_budget_and_repeatability() {
     let dirs = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
-    let options = SinkOptions { glb_max_points: 50, show_cameras: false, ..Default::default() };
+    let options = SinkOptions::default().glb_max_points(50).show_cameras(false);
     let bytes = dirs.each_ref().map(|dir| {
         run(dir.path(), ALL, &options, &IMAGES, false);
         let mut files = BTreeMap::new();

@@ -27,7 +27,7 @@ fn contradicting_points() {
         assert!(matches!(refused(&unknown), IoError::BadPoint { .. }));
         assert!(matches!(refused(&shuffled), IoError::BadPoint { .. }));
     }
-    let options = MotionOptions { fps: 0.0, ..MotionOptions::default() };
+    let options = MotionOptions::default().fps(0.0);
     for export in [Export::Omx4d, Export::Glb] {
         assert!(matches!(
             write_motion(&[export], &made::points(2, 5), dir.path(), &options),

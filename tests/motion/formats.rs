@@ -15,16 +15,8 @@ const IMAGES: usize = 3;
 
 fn size(motion: bool, all_pixels: bool) -> RunSize {
     let points = (IMAGES * PIXELS) as u64;
-    RunSize {
-        images: IMAGES as u64,
-        videos: 2,
-        pixels: PIXELS as u64,
-        motion,
-        points: None,
-        followed: points,
-        all_pixels,
-        field_bytes: 0,
-    }
+    let size = RunSize::default().images(IMAGES as u64).videos(2).pixels(PIXELS as u64);
+    size.motion(motion).followed(points).all_pixels(all_pixels)
 }
 
 /// Writes what `export` makes of the made-up scene.

@@ -17,7 +17,7 @@ struct Glb {
 
 impl Glb {
     fn write(dir: &Path, points: &MovingPoints, glb: GlbMotionOptions) -> Self {
-        let options = MotionOptions { fps: 10.0, glb, ..MotionOptions::default() };
+        let options = MotionOptions::default().fps(10.0).glb(glb);
         let files = write_motion(&[Export::Glb], points, dir, &options).unwrap();
         assert_eq!(files, [dir.join("scene.glb")]);
         let bytes = fs::read(&files[0]).unwrap();
@@ -116,7 +116,7 @@ fn cameras_go_where_the_images_were_taken() {
 #[test]
 fn limits_and_empty_parts() {
     let dir = tempfile::tempdir().unwrap();
-    let glb = GlbMotionOptions { max_points: 40, max_times: 3, show_cameras: false, ..Default::default() };
+    let glb = GlbMotionOptions::default().max_points(40).max_times(3).show_cameras(false);
     let glb = Glb::write(dir.path(), &made::points(5, 1), glb);
     assert_eq!(glb.document["asset"]["extras"]["key_images"].to_string(), "[0,2,4]");
     assert_eq!(glb.document["asset"]["extras"]["static_points"], 0);
@@ -127,6 +127,6 @@ fn limits_and_empty_parts() {
     assert!(one.document.get("animations").is_none() && one.primitive("moving points").get("targets").is_none());
     let mut still = made::points(3, 1);
     still.moving.fill(false);
-    let still = Glb::write(dir.path(), &still, GlbMotionOptions { show_cameras: false, ..Default::default() });
+    let still = Glb::write(dir.path(), &still, GlbMotionOptions::default().show_cameras(false));
     assert!(still.node("moving points").is_none() && still.document.get("animations").is_none());
 }

@@ -73,12 +73,8 @@ fn assert_same(written: &[u8], golden: &[u8]) {
 fn palette_is_byte_equal() {
     let dir = tempfile::tempdir().unwrap();
     let (points, camera_to_world) = prediction();
-    let options = Omx4dOptions {
-        voxel: VoxelOptions { budget: 200, ..VoxelOptions::default() },
-        palette: true,
-        camera_to_world: Some(camera_to_world),
-        ..Omx4dOptions::default()
-    };
+    let voxel = VoxelOptions::default().budget(200);
+    let options = Omx4dOptions::default().voxel(voxel).palette(true).camera_to_world(Some(camera_to_world));
     let path = write_omx4d(&dir.path().join("a.omx4d"), "palette", 12.0, &points, &options).unwrap();
     assert_same(&fs::read(path).unwrap(), &data("palette.omx4d"));
 }
@@ -87,12 +83,8 @@ fn palette_is_byte_equal() {
 fn pictures_threshold_and_padded_views_are_byte_equal() {
     let dir = tempfile::tempdir().unwrap();
     let (points, camera_to_world) = prediction();
-    let options = Omx4dOptions {
-        voxel: VoxelOptions { budget: 333, reserve: 0.25, threshold: 0.6 },
-        candidate_views: Some(2),
-        palette: false,
-        camera_to_world: Some(camera_to_world),
-    };
+    let voxel = VoxelOptions::default().budget(333).reserve(0.25).threshold(0.6);
+    let options = Omx4dOptions::default().voxel(voxel).candidate_views(Some(2)).camera_to_world(Some(camera_to_world));
     let path = write_omx4d(&dir.path().join("a.omx4d"), "rgb", 24.0, &points, &options).unwrap();
     assert_same(&fs::read(path).unwrap(), &data("rgb.omx4d"));
 }

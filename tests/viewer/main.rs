@@ -16,11 +16,8 @@ const WINDOW: (u32, u32) = (1280, 720);
 
 /// A page in a folder of its own.
 fn written(points: &MovingPoints) -> (tempfile::TempDir, PathBuf) {
-    let options = HtmlOptions {
-        title: "Two balls in a room".into(),
-        notes: vec!["A synthetic scene; the balls' pixels are let move, the room's are not.".into()],
-        ..HtmlOptions::default()
-    };
+    let note = "A synthetic scene; the balls' pixels are let move, the room's are not.";
+    let options = HtmlOptions::default().title("Two balls in a room".into()).notes(vec![note.into()]);
     let dir = tempfile::tempdir().expect("a temporary folder can be made");
     let path = write_html(points, &options, &dir.path().join("a page & more.html")).expect("the page is written");
     (dir, path)

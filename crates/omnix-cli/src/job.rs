@@ -261,16 +261,16 @@ pub(crate) fn plan_event(
 /// How large a run of `request` is, with `videos` inputs, for what its exports leave and take; of a plan also the field's bytes.
 pub(crate) fn size(request: &Request, videos: usize, args: &RunArgs, plan: Option<&RunPlan>) -> RunSize {
     let precision = FieldPrecision::from(args.field_type);
-    RunSize {
-        images: request.images as u64,
-        videos: videos as u64,
-        pixels: (request.height * request.width) as u64,
-        motion: request.motion,
-        points: args.points,
-        followed: args.followed(),
-        all_pixels: args.all_tracks,
-        field_bytes: plan.and_then(|p| p.motion.as_ref()).map_or(0, |m| precision.bytes(&m.shape)),
-    }
+    let field = plan.and_then(|p| p.motion.as_ref()).map_or(0, |m| precision.bytes(&m.shape));
+    RunSize::default()
+        .images(request.images as u64)
+        .videos(videos as u64)
+        .pixels((request.height * request.width) as u64)
+        .motion(request.motion)
+        .points(args.points)
+        .followed(args.followed())
+        .all_pixels(args.all_tracks)
+        .field_bytes(field)
 }
 
 /// Names of the files that a run leaves; a kind of which there are many is "first to last".

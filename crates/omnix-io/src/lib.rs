@@ -12,6 +12,7 @@ mod error;
 pub mod input;
 pub mod output;
 pub mod preprocess;
+mod setters;
 
 pub use error::IoError;
 pub use input::{FrameChoice, FrameLoader, InputPlan, Picture, PlannedFrame, ReadOptions, Stop, probe, probe_with};

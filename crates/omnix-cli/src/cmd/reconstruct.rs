@@ -162,13 +162,12 @@ fn first(names: &[String]) -> Option<String> {
 fn sink_options(args: &RunArgs) -> SinkOptions {
     let default = SinkOptions::default();
     let points = args.points.map(|n| n as usize);
-    SinkOptions {
-        ply_confidence_percentile: args.conf_percentile,
-        ply_max_points: points,
-        glb_confidence_percentile: args.conf_percentile.unwrap_or(default.glb_confidence_percentile),
-        glb_max_points: points.unwrap_or(default.glb_max_points),
-        ..default
-    }
+    let (percentile, most) = (default.glb_confidence_percentile, default.glb_max_points);
+    default
+        .ply_confidence_percentile(args.conf_percentile)
+        .ply_max_points(points)
+        .glb_confidence_percentile(args.conf_percentile.unwrap_or(percentile))
+        .glb_max_points(points.unwrap_or(most))
 }
 
 impl Run<'_> {

@@ -9,18 +9,21 @@
 //! Pixels with a θ that is not finite are never chosen. The choice depends on scores, sizes and seed alone.
 
 use super::sample::key;
+use crate::setters::settings;
 
-/// How many points, and how they are shared out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PointOptions {
-    /// Number of points wanted.
-    pub budget: usize,
-    /// θ above which a pixel moves (0.3, the gate of inference).
-    pub threshold: f32,
-    /// Largest share of the budget for moving pixels, 0 to 1.
-    pub moving_share: f64,
-    /// Seed of the choice of the others.
-    pub seed: u64,
+settings! {
+    /// How many points, and how they are shared out.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct PointOptions {
+        /// Number of points wanted.
+        pub budget: usize,
+        /// θ above which a pixel moves (0.3, the gate of inference).
+        pub threshold: f32,
+        /// Largest share of the budget for moving pixels, 0 to 1.
+        pub moving_share: f64,
+        /// Seed of the choice of the others.
+        pub seed: u64,
+    }
 }
 
 impl PointOptions {

@@ -8,6 +8,7 @@ use super::frame::Sink;
 use super::motion::{MotionView, MovingPoints, SourceMotion};
 use super::options::{MotionOptions, SinkOptions};
 use crate::IoError;
+use crate::setters::settings;
 
 /// An export format, as its own file states it.
 #[derive(Debug)]
@@ -167,25 +168,27 @@ pub(super) enum Points {
     Network,
 }
 
-/// How large a run is, for what its exports will leave and take.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RunSize {
-    /// Number of images.
-    pub images: u64,
-    /// Number of videos.
-    pub videos: u64,
-    /// Pixels of an image.
-    pub pixels: u64,
-    /// Whether trajectories are made.
-    pub motion: bool,
-    /// Points in files of still points at most, where that is bounded.
-    pub points: Option<u64>,
-    /// Points that exports of motion follow at most.
-    pub followed: u64,
-    /// Whether exports that can are to follow every pixel.
-    pub all_pixels: bool,
-    /// Bytes of a saved field.
-    pub field_bytes: u64,
+settings! {
+    /// How large a run is, for what its exports will leave and take.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct RunSize {
+        /// Number of images.
+        pub images: u64,
+        /// Number of videos.
+        pub videos: u64,
+        /// Pixels of an image.
+        pub pixels: u64,
+        /// Whether trajectories are made.
+        pub motion: bool,
+        /// Points in files of still points at most, where that is bounded.
+        pub points: Option<u64>,
+        /// Points that exports of motion follow at most.
+        pub followed: u64,
+        /// Whether exports that can are to follow every pixel.
+        pub all_pixels: bool,
+        /// Bytes of a saved field.
+        pub field_bytes: u64,
+    }
 }
 
 impl RunSize {

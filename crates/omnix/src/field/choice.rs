@@ -77,7 +77,7 @@ impl Field {
             Gate::Hard(threshold) => threshold,
             Gate::None | Gate::Blend => 0.0,
         };
-        let options = PointOptions { seed, threshold, ..PointOptions::new(budget) };
+        let options = PointOptions::new(budget).seed(seed).threshold(threshold);
         let scores = (0..shape.images).map(|image| self.theta(image)).collect::<Result<Vec<_>, _>>()?;
         let slices: Vec<&[f32]> = scores.iter().map(|scores| &**scores).collect();
         let chosen = choose_points(&slices, shape.width, &options);

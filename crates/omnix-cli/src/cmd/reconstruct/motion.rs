@@ -102,16 +102,9 @@ impl Run<'_> {
 
     fn options(&self, unit: &str) -> MotionOptions {
         let notes = self.job.weights.note().map(str::to_owned).into_iter().collect();
-        MotionOptions {
-            fps: rate(self.job),
-            glb: GlbMotionOptions {
-                max_points: self.args.followed() as usize,
-                unit: unit.to_owned(),
-                ..GlbMotionOptions::default()
-            },
-            html: HtmlOptions { title: title(self.inputs), notes, unit: unit.to_owned(), ..HtmlOptions::default() },
-            ..MotionOptions::default()
-        }
+        let glb = GlbMotionOptions::default().max_points(self.args.followed() as usize).unit(unit.to_owned());
+        let html = HtmlOptions::default().title(title(self.inputs)).notes(notes).unit(unit.to_owned());
+        MotionOptions::default().fps(rate(self.job)).glb(glb).html(html)
     }
 }
 
