@@ -1,6 +1,9 @@
-// What both forms of `pointwise` share: parameters, the place of b and the operations.
+// What all forms of `pointwise` share: parameters, the place of b and the plain operations.
 //
-//   y[i] = op(a[i], b[(i / b_div) % b_len]), a and y [n]; unary operations have no b.
+//   y[i] = op(a[i], b[(i / b_div) % b_len]), a and y [n]; plain unary operations have no b.
+//
+// Texts with TWO read two numbers always and take their operation from lib/pointwise_more or lib/pointwise_gradient, or choose
+// between a and a third number c [n] (SELECT).
 //
 // The operation is a number, so that all of them share one pipeline (on software devices all but the costly ones); s and t are constants of some. b is either taken as
 // a is (b4: same shape as a, or a row over rows of a) or one number for several of a (b1: one number per row of a, or one at all).
@@ -29,10 +32,6 @@ struct Params {
 const B_SAME: u32 = 1u;
 const B_SHARED: u32 = 3u;
 
-// Operations by number: of two numbers, cheap ones of one (`simple`), and costly ones.
-const UNARY: u32 = 6u;
-const COSTLY: u32 = 13u;
-
 @group(0) @binding(0) var<uniform> p: Params;
 
 // Where element i of this dispatch finds its b, as (i / b_div % b_len, i % b_div).
@@ -49,6 +48,18 @@ fn next(at: vec2<u32>, step: vec2<u32>) -> vec2<u32> {
     let q = at.x + step.x + select(0u, 1u, carry);
     return vec2<u32>(select(q, q - p.b_len, q >= p.b_len), select(r, r - p.b_div, carry));
 }
+
+#if TWO
+// Where a mask is not 0, by its bits: NaN is not, whatever a compiler takes for granted about numbers.
+fn nonzero(w: vec4<f32>) -> vec4<bool> {
+    return (bitcast<vec4<u32>>(w) & vec4<u32>(0x7fffffffu)) != vec4<u32>(0u);
+}
+#endif
+
+#if !TWO
+// Plain operations by number: of two numbers, cheap ones of one (`simple`), and costly ones.
+const UNARY: u32 = 6u;
+const COSTLY: u32 = 13u;
 
 // NaN passes through.
 fn softplus(v: vec4<f32>) -> vec4<f32> {
@@ -100,3 +111,4 @@ fn costly(op: u32, s: f32, t: f32, v: vec4<f32>) -> vec4<f32> {
         default: { return tanh(clamp(v, vec4<f32>(-20.0), vec4<f32>(20.0))); }
     }
 }
+#endif

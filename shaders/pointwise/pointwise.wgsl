@@ -3,6 +3,12 @@
 // Variant VEC4: n, b_len and all offsets are multiples of 4 and b_div is 1, or b is taken one by one and b_div is a multiple
 // of 4. An invocation owns `steps` times four elements, 256 apart.
 #import pointwise_params
+#if MORE
+#import pointwise_more
+#endif
+#if GRADIENT
+#import pointwise_gradient
+#endif
 #import grid
 
 #if VEC4
@@ -15,6 +21,9 @@ alias Stored = f32;
 @group(0) @binding(2) var<storage, read> b4: array<Stored>;
 @group(0) @binding(3) var<storage, read> b1: array<f32>;
 @group(0) @binding(4) var<storage, read_write> y: array<Stored>;
+#if SELECT
+@group(0) @binding(5) var<storage, read> c: array<Stored>;
+#endif
 
 // b of the four elements from i on, whose place is `at`.
 fn b_at(i: u32, at: vec2<u32>) -> vec4<f32> {
@@ -44,6 +53,18 @@ fn load(i: u32) -> vec4<f32> {
 #endif
 }
 
+#if SELECT
+// Four elements of c from i on.
+fn load_c(i: u32) -> vec4<f32> {
+#if VEC4
+    return c[(p.rest + i) / 4u];
+#else
+    let at = p.rest + i;
+    return vec4<f32>(c[at], c[at + 1u], c[at + 2u], c[at + 3u]);
+#endif
+}
+#endif
+
 fn store(i: u32, v: vec4<f32>) {
 #if VEC4
     y[(p.rest + i) / 4u] = v;
@@ -63,6 +84,18 @@ fn main(
     // The operation is chosen outside of the loop.
     let first = lib_fold(group, groups) * 256u * p.steps + local.x * 4u;
     let end = min(p.n, first + 256u * p.steps);
+#if TWO
+    var at = place(first);
+    let step = vec2<u32>(256u / p.b_div % p.b_len, 256u % p.b_div);
+    for (var i = first; i < end; i += 256u) {
+#if SELECT
+        store(i, select(load_c(i), load(i), nonzero(b_at(i, at))));
+#else
+        store(i, two(p.op, p.s, p.t, load(i), b_at(i, at)));
+#endif
+        at = next(at, step);
+    }
+#else
     if (p.op < UNARY) {
         var at = place(first);
         let step = vec2<u32>(256u / p.b_div % p.b_len, 256u % p.b_div);
@@ -79,4 +112,5 @@ fn main(
             store(i, costly(p.op, p.s, p.t, load(i)));
         }
     }
+#endif
 }

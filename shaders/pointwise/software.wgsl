@@ -6,6 +6,12 @@
 // nothing to do ends after one turn, and a costly operation (OP, its number) is a variant. Needs n and all offsets to be
 // multiples of 8, and b's length, or what shares an element of b.
 #import pointwise_params
+#if MORE
+#import pointwise_more
+#endif
+#if GRADIENT
+#import pointwise_gradient
+#endif
 #import grid
 #import quad
 
@@ -13,6 +19,9 @@
 @group(0) @binding(2) var<storage, read> b4: array<Wide>;
 @group(0) @binding(3) var<storage, read> b1: array<f32>;
 @group(0) @binding(4) var<storage, read_write> y: array<Wide>;
+#if SELECT
+@group(0) @binding(5) var<storage, read> c: array<Wide>;
+#endif
 
 // b of the eight elements from i on, whose place is `at`.
 fn b_at(i: u32, at: vec2<u32>) -> mat2x4<f32> {
@@ -34,6 +43,28 @@ fn main(
     let start = (p.rest + first) / 8u;
     // Read once: the driver would read them in every turn.
     let q = p;
+#if TWO
+#if OP
+    let op = ${OP}u;
+#else
+    let op = q.op;
+#endif
+    var at = place(first);
+    let step = vec2<u32>(64u / p.b_div % p.b_len, 64u % p.b_div);
+    var here = start;
+    for (var i = first; i < end; i += 64u) {
+        let v = lib_wide(a[here]);
+        let w = b_at(i, at);
+#if SELECT
+        let u = lib_wide(c[here]);
+        y[here] = lib_to_wide(select(u[0], v[0], nonzero(w[0])), select(u[1], v[1], nonzero(w[1])));
+#else
+        y[here] = lib_to_wide(two(op, q.s, q.t, v[0], w[0]), two(op, q.s, q.t, v[1], w[1]));
+#endif
+        at = next(at, step);
+        here += 8u;
+    }
+#else
 #if OP
     var here = start;
     for (var i = first; i < end; i += 64u) {
@@ -62,5 +93,6 @@ fn main(
             here += 8u;
         }
     }
+#endif
 #endif
 }

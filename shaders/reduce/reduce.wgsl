@@ -1,31 +1,13 @@
-// reduce over the middle axis, any WebGPU device:
+// reduce over the middle axis, or over blocks of it, any WebGPU device:
 //
-//   y[outer, inner] = op_n x[outer, n, inner]
+//   y[outer, part, inner] = op x[outer, part * block .. (part + 1) * block, inner]
 //
-// op: sum, mean, maximum, minimum, or standard deviation with divisor n - 1 (two passes; 0 for n = 1). An invocation
-// owns one output and walks n in order, so the sums do not depend on the split over outer.
+// op: sum, mean, maximum, minimum, or standard deviation with divisor n - 1 (two passes; 0 for n = 1; one block). An
+// invocation owns one output and walks its block in order, so the sums do not depend on the split over outer and parts, nor
+// on the split of a block, where it goes on from what y holds.
+#import reduce_params
 #import grid
 
-const OP_SUM: u32 = 0u;
-const OP_MEAN: u32 = 1u;
-const OP_MAX: u32 = 2u;
-const OP_MIN: u32 = 3u;
-const OP_STD: u32 = 4u;
-
-struct Params {
-    // Rows of this dispatch.
-    outer: u32,
-    n: u32,
-    inner: u32,
-    op: u32,
-    // Numbers before the first row in the bindings of x and y.
-    x_skip: u32,
-    y_skip: u32,
-    pad0: u32,
-    pad1: u32,
-}
-
-@group(0) @binding(0) var<uniform> p: Params;
 @group(0) @binding(1) var<storage, read> x: array<f32>;
 @group(0) @binding(2) var<storage, read_write> y: array<f32>;
 
@@ -36,14 +18,26 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
     let index = lib_fold(group, groups) * 64u + local.x;
-    if (index >= p.outer * p.inner) {
+    if (index >= p.outer * p.parts * p.width) {
         return;
     }
-    let first = p.x_skip + index / p.inner * p.n * p.inner + index % p.inner;
+    let place = index / p.width;
+    let column = index - place * p.width;
+    let outer = place / p.parts;
+    let start = (place - outer * p.parts) * p.block;
+    let count = min(p.block, p.n - start);
+    let first = p.x_skip + (outer * p.n + start) * p.inner + column;
+    let to = p.y_skip + place * p.inner + column;
     var sum = 0.0;
     var top = x[first];
     var least = top;
-    for (var i = 0u; i < p.n; i++) {
+    if ((p.flags & GO_ON) != 0u) {
+        let before = y[to];
+        sum = before;
+        top = max(top, before);
+        least = min(least, before);
+    }
+    for (var i = 0u; i < count; i++) {
         let v = x[first + i * p.inner];
         sum += v;
         top = max(top, v);
@@ -51,7 +45,7 @@ fn main(
     }
     var result = sum;
     switch p.op {
-        case OP_MEAN: { result = sum / f32(p.n); }
+        case OP_MEAN: { result = sum / f32(p.divisor); }
         case OP_MAX: { result = top; }
         case OP_MIN: { result = least; }
         case OP_STD: {
@@ -65,5 +59,5 @@ fn main(
         }
         default: {}
     }
-    y[p.y_skip + index] = result;
+    y[to] = result;
 }

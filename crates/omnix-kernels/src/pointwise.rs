@@ -1,96 +1,28 @@
-//! `y[i] = op(a[i], b[(i / b.div) % b.len])` over n numbers; one pipeline for all operations, on software devices one more for
-//! each costly one that is used.
+//! `y[i] = op(a[i], b[(i / b.div) % b.len])` over n numbers: one pipeline for all plain operations, one for those that losses add
+//! and one for gradients; on software devices one more for each costly operation that is used.
+//!
+//! A gradient is `y[i] = b[i] · op'(a[i])`: a what went into the operation, b the gradient of what came out. The choice between two
+//! numbers is `y[i] = a[i]` where b is not 0 (NaN is not 0), else `c[i]`, whatever the other one is.
 //!
 //! The four usual forms of b over a as `[m, c]`: the same shape ([`Operand::same`]), a row `[c]`
 //! ([`Operand::row`]), one number per row `[m]` ([`Operand::column`]), one number ([`Operand::single`]).
 
-use omnix_shaders::{Shader, pointwise as shaders};
+mod operation;
 
+pub use operation::{Binary, Unary};
+
+use self::operation::{Code, Family, SELECT, UNARY};
 use crate::cover::{cover, room};
 use crate::{Arg, Caps, Dispatch, KernelError, Tier};
 
 /// Input `[n]`.
 pub const A: Arg = Arg(0);
-/// Second operand of binary operations, `[b.len]`.
+/// Second operand of binary operations, `[b.len]`; of gradients that of the result, `[n]`; of a choice the mask, `[b.len]`.
 pub const B: Arg = Arg(1);
 /// Output `[n]`; its buffer may not be that of an input.
 pub const Y: Arg = Arg(2);
-
-/// An operation on one number.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum Unary {
-    /// `max(a, 0)`.
-    Relu,
-    /// `-a`.
-    Neg,
-    /// `|a|`.
-    Abs,
-    /// `a²`.
-    Square,
-    /// `1 / a`.
-    Reciprocal,
-    /// `a · s + t`.
-    ScaleShift {
-        /// Factor.
-        s: f32,
-        /// Addend.
-        t: f32,
-    },
-    /// `min(max(a, low), high)`.
-    Clamp {
-        /// Least result.
-        low: f32,
-        /// Greatest result.
-        high: f32,
-    },
-    /// `√a`.
-    Sqrt,
-    /// 1 where `a < limit`, else 0 (NaN included).
-    Below {
-        /// What a is compared with.
-        limit: f32,
-    },
-    /// The erf form, `a Φ(a)`.
-    Gelu,
-    /// `a / (1 + exp(-a))`.
-    Silu,
-    /// `1 / (1 + exp(-a))`.
-    Sigmoid,
-    /// `log(1 + exp(a))`, beyond 20 the identity.
-    Softplus,
-    /// `exp(a)`.
-    Exp,
-    /// Natural logarithm.
-    Log,
-    /// `exp(min(max(a, low), high))`.
-    ExpClamped {
-        /// Least exponent.
-        low: f32,
-        /// Greatest exponent.
-        high: f32,
-    },
-    /// Hyperbolic tangent.
-    Tanh,
-}
-
-/// An operation on two numbers, `a op b`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u32)]
-pub enum Binary {
-    /// `a + b`.
-    Add = 0,
-    /// `a - b`.
-    Sub = 1,
-    /// `a · b`.
-    Mul = 2,
-    /// The greater.
-    Max = 3,
-    /// The smaller.
-    Min = 4,
-    /// `a / b`.
-    Div = 5,
-}
+/// What a choice takes where the mask is 0, `[n]`.
+pub const C: Arg = Arg(3);
 
 /// Which element of b belongs to element i of a: `(i / div) % len`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -134,6 +66,10 @@ pub enum PointwiseOp {
     Unary(Unary),
     /// Of a and b.
     Binary(Binary, Operand),
+    /// The derivative of an operation at a, times b.
+    Gradient(Unary),
+    /// a where b is not 0, else c.
+    Select(Operand),
 }
 
 /// What to compute.
@@ -167,56 +103,6 @@ const B_NONE: u32 = 0;
 const B_SAME: u32 = 1;
 const B_GENERAL: u32 = 2;
 const B_SHARED: u32 = 3;
-/// The number of the first operation on one number; [`Unary::code`] has them all.
-const UNARY: u32 = 6;
-
-impl Unary {
-    /// Number in the shader, and its two constants.
-    fn code(self) -> (u32, f32, f32) {
-        match self {
-            Self::Relu => (6, 0.0, 0.0),
-            Self::Neg => (7, 0.0, 0.0),
-            Self::Abs => (8, 0.0, 0.0),
-            Self::Square => (9, 0.0, 0.0),
-            Self::ScaleShift { s, t } => (10, s, t),
-            Self::Clamp { low, high } => (11, low, high),
-            Self::Below { limit } => (12, limit, 0.0),
-            Self::Reciprocal => (13, 0.0, 0.0),
-            Self::Sqrt => (14, 0.0, 0.0),
-            Self::Gelu => (15, 0.0, 0.0),
-            Self::Silu => (16, 0.0, 0.0),
-            Self::Sigmoid => (17, 0.0, 0.0),
-            Self::Softplus => (18, 0.0, 0.0),
-            Self::Exp => (19, 0.0, 0.0),
-            Self::Log => (20, 0.0, 0.0),
-            Self::ExpClamped { low, high } => (21, low, high),
-            Self::Tanh => (22, 0.0, 0.0),
-        }
-    }
-
-    /// The software variant that computes it.
-    const fn software(self) -> &'static Shader {
-        match self {
-            Self::Reciprocal => &shaders::SOFTWARE_RECIPROCAL,
-            Self::Sqrt => &shaders::SOFTWARE_SQRT,
-            Self::Gelu => &shaders::SOFTWARE_GELU,
-            Self::Silu => &shaders::SOFTWARE_SILU,
-            Self::Sigmoid => &shaders::SOFTWARE_SIGMOID,
-            Self::Softplus => &shaders::SOFTWARE_SOFTPLUS,
-            Self::Exp => &shaders::SOFTWARE_EXP,
-            Self::Log => &shaders::SOFTWARE_LOG,
-            Self::ExpClamped { .. } => &shaders::SOFTWARE_EXP_CLAMPED,
-            Self::Tanh => &shaders::SOFTWARE_TANH,
-            Self::Relu
-            | Self::Neg
-            | Self::Abs
-            | Self::Square
-            | Self::ScaleShift { .. }
-            | Self::Clamp { .. }
-            | Self::Below { .. } => &shaders::SOFTWARE,
-        }
-    }
-}
 
 impl Pointwise {
     /// `y = op(a)` over n numbers.
@@ -231,14 +117,38 @@ impl Pointwise {
         Self { n, op: PointwiseOp::Binary(op, b) }
     }
 
-    /// Bytes read and written: a and y, and b where it has the same shape.
+    /// `y = b · op'(a)` over n numbers.
+    #[must_use]
+    pub const fn gradient(n: u32, op: Unary) -> Self {
+        Self { n, op: PointwiseOp::Gradient(op) }
+    }
+
+    /// `y = a` where b is not 0, else c, over n numbers.
+    #[must_use]
+    pub const fn select(n: u32, b: Operand) -> Self {
+        Self { n, op: PointwiseOp::Select(b) }
+    }
+
+    /// Bytes read and written: a and y, and b and c where there are any.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        let b = match self.op {
-            PointwiseOp::Binary(_, b) => b.len,
+        let others = match self.op {
+            PointwiseOp::Binary(_, b) => u64::from(b.len),
             PointwiseOp::Unary(_) => 0,
+            PointwiseOp::Gradient(_) => u64::from(self.n),
+            PointwiseOp::Select(b) => u64::from(b.len) + u64::from(self.n),
         };
-        8 * u64::from(self.n) + 4 * u64::from(b)
+        8 * u64::from(self.n) + 4 * others
+    }
+
+    /// How shaders know the operation, and its second operand.
+    const fn code(&self) -> (Code, Option<Operand>) {
+        match self.op {
+            PointwiseOp::Unary(op) => (op.code(), None),
+            PointwiseOp::Binary(op, b) => (op.code(), Some(b)),
+            PointwiseOp::Gradient(op) => (op.gradient(), Some(Operand::same(self.n))),
+            PointwiseOp::Select(b) => (SELECT, Some(b)),
+        }
     }
 
     /// The dispatches that compute this on a device with `caps`; none where n is 0.
@@ -247,35 +157,36 @@ impl Pointwise {
     /// When b has no elements, its `div` is 0 or the bounds of a clamp are the wrong way round.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
         let unsupported = |reason: String| KernelError::Unsupported { kernel: "pointwise", reason };
-        let ((op, s, t), b, software) = match self.op {
-            PointwiseOp::Unary(op) => (op.code(), None, op.software()),
-            PointwiseOp::Binary(op, b) => ((op as u32, 0.0, 0.0), Some(b), &shaders::SOFTWARE),
-        };
-        if let PointwiseOp::Unary(Unary::Clamp { low, high } | Unary::ExpClamped { low, high }) = self.op
+        let (Code { family, number: op, s, t, software }, b) = self.code();
+        if let PointwiseOp::Unary(unary) | PointwiseOp::Gradient(unary) = self.op
+            && let Unary::Clamp { low, high } | Unary::ExpClamped { low, high } = unary
             && (low > high || low.is_nan() || high.is_nan())
         {
             return Err(unsupported(format!("clamp to {low}..{high}: the first bound must not be above the second")));
         }
-        if let Some(b) = b.filter(|b| b.div == 0 || b.len == 0) {
+        if let Some(b) = b.filter(|b| self.n > 0 && (b.div == 0 || b.len == 0)) {
             return Err(unsupported(format!("{b:?}: neither may be 0")));
         }
-        let b = b.unwrap_or(Operand::single());
+        // The texts of other families read two operands always: those of one number have a twice.
+        let alone = family == Family::Plain && op >= UNARY;
+        let b_arg = if b.is_none() { A } else { B };
+        let b = b.unwrap_or(if alone { Operand::single() } else { Operand::same(self.n) });
         let same = b.div == 1 && b.len >= self.n;
         // Whether b is taken, or shared, by `unit` neighbours at a time, and whether all is a multiple of it.
         let taken = |unit: u32| b.len.is_multiple_of(unit) && b.div == 1;
         let fits = |unit: u32| {
             let shared = b.div.is_multiple_of(unit) || b.len == 1;
-            self.n.is_multiple_of(unit) && (op >= UNARY || taken(unit) || shared)
+            self.n.is_multiple_of(unit) && (alone || taken(unit) || shared)
         };
         // A loop costs a software device less than an invocation; a GPU wants many invocations.
         let looped = if caps.tier == Tier::Gpu { 1 } else { 8 };
         let (shader, lanes, unit, steps) = match caps.tier {
             Tier::Software if fits(8) => (software, 8, 8, 32),
-            _ if fits(4) => (&shaders::VEC4, 64, 4, looped),
-            _ => (&shaders::WORDS, 64, 1, looped),
+            _ if fits(4) => (family.shaders()[1], 64, 4, looped),
+            _ => (family.shaders()[0], 64, 1, looped),
         };
         let b_mode = match () {
-            () if op >= UNARY => B_NONE,
+            () if alone => B_NONE,
             () if same => B_SAME,
             () if unit > 1 && !taken(unit) => B_SHARED,
             () => B_GENERAL,
@@ -292,7 +203,7 @@ impl Pointwise {
             let (b_window, b_first) = match b_mode {
                 B_NONE => (Arg::ABSENT.into(), 0),
                 B_SAME => {
-                    let (window, before) = cover(B, first, len, caps);
+                    let (window, before) = cover(b_arg, first, len, caps);
                     (window, first as u32 - before)
                 }
                 _ if period < u64::MAX => {
@@ -320,7 +231,13 @@ impl Pointwise {
             let absent = Arg::ABSENT.into();
             let (b4, b1) = if by_unit { (b_window, absent) } else { (absent, b_window) };
             let groups = len.div_ceil(u64::from(unit.max(4)) * lanes * steps);
-            out.push(Dispatch::new(shader, &params, &[a_window, b4, b1, y_window], groups));
+            let dispatch = if family == Family::Select {
+                let (c_window, _) = cover(C, first, len, caps);
+                Dispatch::new(shader, &params, &[a_window, b4, b1, y_window, c_window], groups)
+            } else {
+                Dispatch::new(shader, &params, &[a_window, b4, b1, y_window], groups)
+            };
+            out.push(dispatch);
             first += len;
         }
         Ok(out)
