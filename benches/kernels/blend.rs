@@ -1,0 +1,9 @@
+//! `blend`: the weights of a layer.
+
+use omnix_benches::Bench;
+use omnix_kernels::KernelError;
+use omnix_tests::cases::blend::cases;
+
+pub(crate) fn run(bench: &Bench) -> Result<(), KernelError> {
+    bench.cases(cases())
+}

@@ -1,0 +1,66 @@
+//! Weights that change from run to run, in the layout that the products which read them want: made on the device before each use.
+
+use omnix_kernels::{KernelError, WeightType, pack};
+
+use crate::error::GraphError;
+use crate::graph::storage::packed_shape;
+use crate::graph::{Call, Graph, Operation, Parameter, Shape, Site, Value, Values, WeightForm};
+
+/// A block of a tensor as the weights of a product.
+#[derive(Clone, Debug)]
+pub struct Pack {
+    /// The whole tensor, in the order of the checkpoint.
+    pub x: Value,
+    /// The block of it.
+    pub block: Parameter,
+    /// What reads it.
+    pub form: WeightForm,
+}
+
+impl<O: Operation + From<Pack>> Graph<O> {
+    /// A block of the tensor `x` as the weights of a product: a value of the block's shape, stored as `form` says.
+    ///
+    /// # Errors
+    /// When `x` is not the whole tensor, or the form is one that only the host makes.
+    pub fn pack(&mut self, x: Value, block: Parameter, form: WeightForm) -> Result<Value, GraphError> {
+        self.expect("pack", x, &block.full)?;
+        let shape = block.shape();
+        if form.order(&shape, (0, 0)).is_none() {
+            return Err(GraphError::Arguments { op: "pack", reason: format!("{form:?} is made by the host") });
+        }
+        let words = packed_shape(&shape, form, WeightType::F32).bytes() as usize / 4;
+        let value = self.push_one(Pack { x, block, form }, shape);
+        self.info_mut(value).physical = Shape::from([words]);
+        Ok(value)
+    }
+}
+
+impl Operation for Pack {
+    fn name(&self) -> &'static str {
+        "pack"
+    }
+
+    fn map_inputs(&mut self, map: &mut dyn FnMut(Value) -> Value) {
+        self.x = map(self.x);
+    }
+
+    fn lower(&self, site: &Site<'_>) -> Result<Vec<Call>, KernelError> {
+        let shape = self.block.shape();
+        let (start, row) = self.block.place();
+        let order = self.form.order(&shape, (site.n(start)?, site.n(row)?)).ok_or_else(|| {
+            KernelError::Unsupported { kernel: "pack", reason: format!("BUG: {:?} is made by the host", self.form) }
+        })?;
+        let weights = packed_shape(&shape, self.form, WeightType::F32);
+        let elements = site.n(site.values.shape(self.x).elements())?;
+        let spec = pack::Pack { weights, order, elements };
+        site.call([Some(self.x), Some(site.outputs[0])], spec.record(site.caps)?)
+    }
+
+    fn flops(&self, _: &Values, _: &[Value]) -> u64 {
+        0
+    }
+
+    fn windowed(&self, outputs: &[Value]) -> smallvec::SmallVec<[Value; 2]> {
+        smallvec::smallvec![outputs[0]]
+    }
+}
