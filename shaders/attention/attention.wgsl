@@ -91,7 +91,8 @@ fn main(
     var scale = 1.0;
     if ((p.flags & LAST) != 0u) {
         scale = 1.0 / l;
-    } else {
+    }
+    if ((p.flags & KEEP) != 0u) {
         state[row] = vec2<f32>(m, l);
     }
     for (var c = 0u; c < d4; c++) {

@@ -228,7 +228,8 @@ fn main(
         var scale = 1.0;
         if ((p.flags & LAST) != 0u) {
             scale = 1.0 / l;
-        } else if (here && mine && half == 0u) {
+        }
+        if ((p.flags & KEEP) != 0u && here && mine && half == 0u) {
             state[row] = vec2<f32>(m, l);
         }
 #for d in 0..${DP/T}

@@ -157,7 +157,7 @@ fn main(
     }
 #for r in 0..${TM/8}
     let scale$r = select(1.0, 1.0 / l$r, (p.flags & LAST) != 0u);
-    if ((p.flags & LAST) == 0u && query + ${r*8}u + lane < q_end) {
+    if ((p.flags & KEEP) != 0u && query + ${r*8}u + lane < q_end) {
         state[row + ${r*8}u + lane] = vec2<f32>(m$r, l$r);
     }
 #end

@@ -156,7 +156,8 @@ fn main(
         var scale = 1.0;
         if ((p.flags & LAST) != 0u) {
             scale = 1.0 / l$a;
-        } else if (lane == 0u) {
+        }
+        if ((p.flags & KEEP) != 0u && lane == 0u) {
             state[row$a] = vec2<f32>(m$a, l$a);
         }
 #for v in 0..${DP/16}

@@ -6,12 +6,14 @@
 // v [groups][heads][nk_pad][Dp]; *_pad are multiples of 32, Dp is D rounded up to 32, all padding zero.
 // The softmax is the online one: a running maximum m and sum l a row, and what was summed so far is multiplied by
 // exp(m_old - m_new) when the maximum grows. Between windows of keys the unnormalised sums stay in out,
-// m and l in state [groups][heads][nq_pad][2]; the numbers and their order are those of one long window.
+// m and l in state [groups][heads][nq_pad][2], where they stay at the end for gradients; the numbers and their order are those of one long window.
 
 // First window of keys: nothing to take over.
 const FIRST: u32 = 1u;
 // Last window of keys: divide by l.
 const LAST: u32 = 2u;
+// Write m and l: more windows follow, or the gradients want them.
+const KEEP: u32 = 4u;
 // A score that never counts, and the first maximum.
 const NEVER: f32 = -1e30;
 

@@ -21,7 +21,9 @@ pub const K: Arg = Arg(1);
 pub const V: Arg = Arg(2);
 /// Output `[groups · nq, heads · head_dim]`.
 pub const OUT: Arg = Arg(3);
-/// Scratch `[groups][heads][nq_pad][2]`, needed where [`Attention::state_bytes`] is not 0.
+/// The largest score and the sum of exponentials relative to it, `[groups][heads][nq_pad][2]`: an output where
+/// [`Attention::keep_state`] asks for it (rows of padding are left as they are), else scratch, needed where
+/// [`Attention::state_bytes`] is not 0.
 pub const STATE: Arg = Arg(4);
 
 /// What to compute.
@@ -37,6 +39,8 @@ pub struct Attention {
     pub nq: u32,
     /// Keys of a group.
     pub nk: u32,
+    /// Whether [`STATE`] is written for all rows, as the gradients need it.
+    pub keep_state: bool,
 }
 
 crate::layout::params! {
@@ -63,6 +67,7 @@ crate::layout::params! {
 
 const FIRST: u32 = 1;
 const LAST: u32 = 2;
+const KEEP: u32 = 4;
 /// Queries and keys are padded to a multiple of this.
 const BLOCK: u64 = 32;
 /// Queries a workgroup of the other variants owns.
@@ -70,11 +75,11 @@ const GROUP_QUERIES: u64 = 64;
 
 /// Heads `head0 .. head0 + heads` (counted over the groups) and queries `q0 .. q0 + queries` of one dispatch.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
-    head0: u64,
-    heads: u64,
-    q0: u64,
-    queries: u64,
+pub(crate) struct Piece {
+    pub(crate) head0: u64,
+    pub(crate) heads: u64,
+    pub(crate) q0: u64,
+    pub(crate) queries: u64,
 }
 
 /// How keys and values are cut for a device.
@@ -111,19 +116,19 @@ impl Attention {
         self.all_heads() * self.nq as u64 * self.head_dim as u64
     }
 
-    /// Bytes of [`STATE`]: 0 where one window holds all keys of a head, and the argument is not bound.
+    /// Bytes of [`STATE`]: 0 where one window holds all keys of a head and nobody asks for it; the argument is not bound then.
     #[must_use]
     pub fn state_bytes(&self, caps: &Caps) -> u64 {
         let one = self.key_windows(caps).keys >= u64::from(padded(self.nk));
-        if one { 0 } else { self.all_heads() * u64::from(padded(self.nq)) * 8 }
+        if one && !self.keep_state { 0 } else { self.all_heads() * u64::from(padded(self.nq)) * 8 }
     }
 
-    const fn all_heads(&self) -> u64 {
+    pub(crate) const fn all_heads(&self) -> u64 {
         self.groups as u64 * self.heads as u64
     }
 
     /// Bytes of one padded row of q, k or v.
-    const fn row_bytes(&self) -> u64 {
+    pub(crate) const fn row_bytes(&self) -> u64 {
         padded(self.head_dim) as u64 * 4
     }
 
@@ -146,14 +151,7 @@ impl Attention {
     /// When a size is 0, D is odd or too wide, or 32 rows of the output are larger than the device's
     /// binding limit.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
-        let unsupported = |reason: String| KernelError::Unsupported { kernel: "attention", reason };
-        if self.groups == 0 || self.heads == 0 || self.nq == 0 || self.nk == 0 {
-            return Err(unsupported(format!(
-                "{} groups of {} heads, {} queries and {} keys: none may be 0",
-                self.groups, self.heads, self.nq, self.nk
-            )));
-        }
-        check_head(self.head_dim).map_err(unsupported)?;
+        self.check("attention")?;
         let windows = self.key_windows(caps);
         if windows.keys == 0 {
             let bytes = BLOCK * self.row_bytes();
@@ -166,6 +164,18 @@ impl Attention {
             self.split(piece, windows, caps, &mut out)?;
         }
         Ok(out)
+    }
+
+    /// Whether `kernel` can take the sizes.
+    pub(crate) fn check(&self, kernel: &'static str) -> Result<(), KernelError> {
+        let unsupported = |reason: String| KernelError::Unsupported { kernel, reason };
+        if self.groups == 0 || self.heads == 0 || self.nq == 0 || self.nk == 0 {
+            return Err(unsupported(format!(
+                "{} groups of {} heads, {} queries and {} keys: none may be 0",
+                self.groups, self.heads, self.nq, self.nk
+            )));
+        }
+        check_head(self.head_dim).map_err(unsupported)
     }
 
     /// Halves a piece until its windows of q and out fit and it is short enough: groups first, then heads (when q is
@@ -184,31 +194,39 @@ impl Attention {
             }
             return Ok(());
         }
-        let heads = u64::from(self.heads);
-        let (first, last) = (piece.head0 / heads, (piece.head0 + piece.heads - 1) / heads);
-        let at_head = if last > first {
-            Some((first + (last - first).div_ceil(2)) * heads - piece.head0)
-        } else if piece.heads > 1 && (q_bytes > caps.max_binding || flops > MAX_OPERATIONS) {
-            Some(piece.heads / 2)
-        } else {
-            None
-        };
-        let (low, high) = if let Some(at) = at_head {
-            (Piece { heads: at, ..piece }, Piece { head0: piece.head0 + at, heads: piece.heads - at, ..piece })
-        } else if piece.queries > BLOCK {
-            // Whole workgroups where there is a choice.
-            let unit = if piece.queries > GROUP_QUERIES { GROUP_QUERIES } else { BLOCK };
-            let at = round_up(piece.queries / 2, unit);
-            (Piece { queries: at, ..piece }, Piece { q0: piece.q0 + at, queries: piece.queries - at, ..piece })
-        } else {
+        let heads_apart = q_bytes > caps.max_binding || flops > MAX_OPERATIONS;
+        let Some((low, high)) = self.halve(piece, heads_apart) else {
             return Err(KernelError::RowTooLarge { kernel: "attention", bytes, limit: caps.max_binding });
         };
         self.split(low, keys, caps, out)?;
         self.split(high, keys, caps, out)
     }
 
+    /// Two halves of a piece: groups apart, then heads where `heads_apart` asks for it, then queries, down to a block of them.
+    pub(crate) fn halve(&self, piece: Piece, heads_apart: bool) -> Option<(Piece, Piece)> {
+        let heads = u64::from(self.heads);
+        let (first, last) = (piece.head0 / heads, (piece.head0 + piece.heads - 1) / heads);
+        let at_head = if last > first {
+            Some((first + (last - first).div_ceil(2)) * heads - piece.head0)
+        } else if piece.heads > 1 && heads_apart {
+            Some(piece.heads / 2)
+        } else {
+            None
+        };
+        if let Some(at) = at_head {
+            Some((Piece { heads: at, ..piece }, Piece { head0: piece.head0 + at, heads: piece.heads - at, ..piece }))
+        } else if piece.queries > BLOCK {
+            // Whole workgroups where there is a choice.
+            let unit = if piece.queries > GROUP_QUERIES { GROUP_QUERIES } else { BLOCK };
+            let at = round_up(piece.queries / 2, unit);
+            Some((Piece { queries: at, ..piece }, Piece { q0: piece.q0 + at, queries: piece.queries - at, ..piece }))
+        } else {
+            None
+        }
+    }
+
     /// Rows of q and state around those of a piece: some of one head, or whole heads.
-    fn q_rows(&self, piece: &Piece) -> (u64, u64) {
+    pub(crate) fn q_rows(&self, piece: &Piece) -> (u64, u64) {
         let nq = u64::from(padded(self.nq));
         let start = piece.head0 * nq;
         if piece.heads == 1 {
@@ -219,12 +237,12 @@ impl Attention {
     }
 
     /// The first row of out that a piece writes.
-    fn out_row0(&self, piece: &Piece) -> u64 {
+    pub(crate) fn out_row0(&self, piece: &Piece) -> u64 {
         piece.head0 / u64::from(self.heads) * u64::from(self.nq) + piece.q0
     }
 
     /// Bytes of out around what a piece writes, from an aligned start.
-    fn out_window(&self, piece: &Piece, caps: &Caps) -> (u64, u64) {
+    pub(crate) fn out_window(&self, piece: &Piece, caps: &Caps) -> (u64, u64) {
         let (heads, nq) = (u64::from(self.heads), u64::from(self.nq));
         let bytes = heads * u64::from(self.head_dim) * 4;
         let end = (piece.head0 + piece.heads - 1) / heads * nq + (piece.q0 + piece.queries).min(nq);
@@ -238,6 +256,7 @@ impl Attention {
         let out_row0 = self.out_row0(piece);
         let out_row = u64::from(self.heads) * u64::from(self.head_dim);
         let set = |on: bool, flag: u32| if on { flag } else { 0 };
+        let last = key0 + keys == nk_pad;
         let params = AttentionParams {
             heads: self.heads,
             head_dim: self.head_dim,
@@ -254,13 +273,17 @@ impl Attention {
             keys: keys as u32,
             out_row0: out_row0 as u32,
             out_skip: (out_row0 * out_row - out_start / 4) as u32,
-            flags: set(key0 == 0, FIRST) | set(key0 + keys == nk_pad, LAST),
+            flags: set(key0 == 0, FIRST) | set(last, LAST) | set(!last || self.keep_state, KEEP),
         };
         let (q_start, q_end) = self.q_rows(piece);
         let kv_start = (piece.head0 * nk_pad + key0) * row_bytes;
         // One head's keys of this window, or those of all heads of the piece.
         let kv = if windowed { keys * row_bytes } else { piece.heads * nk_pad * row_bytes };
-        let state = if windowed { STATE.window(q_start * 8, (q_end - q_start) * 8) } else { Arg::ABSENT.into() };
+        let state = if windowed || self.keep_state {
+            STATE.window(q_start * 8, (q_end - q_start) * 8)
+        } else {
+            Arg::ABSENT.into()
+        };
         let windows = [
             Q.window(q_start * row_bytes, (q_end - q_start) * row_bytes),
             K.window(kv_start, kv),

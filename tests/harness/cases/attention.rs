@@ -65,7 +65,8 @@ impl Inputs {
 }
 
 /// `[heads][n][D]` → padded rows, or padded key blocks.
-fn pad(x: &[f32], heads: usize, n: usize, d: usize, key_blocks: bool) -> Vec<f32> {
+#[must_use]
+pub fn pad(x: &[f32], heads: usize, n: usize, d: usize, key_blocks: bool) -> Vec<f32> {
     let (n_pad, dp) = (padded(n as u32) as usize, padded(d as u32) as usize);
     let mut out = vec![0.0; heads * n_pad * dp];
     for head in 0..heads {
@@ -120,7 +121,7 @@ impl Call for Spread {
 /// A specification.
 #[must_use]
 pub const fn spec(groups: u32, heads: u32, head_dim: u32, nq: u32, nk: u32) -> Attention {
-    Attention { groups, heads, head_dim, nq, nk }
+    Attention { groups, heads, head_dim, nq, nk, keep_state: false }
 }
 
 /// Every kind of head width.

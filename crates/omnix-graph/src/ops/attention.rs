@@ -26,6 +26,8 @@ pub struct Attention {
     pub heads: usize,
     /// Channels of a head.
     pub head_dim: usize,
+    /// Whether the second output, the running maximum and sum of each query, is wanted.
+    pub keep_state: bool,
 }
 
 impl<O: Operation + From<Attention>> Graph<O> {
@@ -34,6 +36,19 @@ impl<O: Operation + From<Attention>> Graph<O> {
     /// # Errors
     /// When the three do not have the same groups, heads and channels.
     pub fn attention(&mut self, q: Value, k: Value, v: Value) -> Result<Value, GraphError> {
+        Ok(self.attention_of(q, k, v, false)?.0)
+    }
+
+    /// [`Graph::attention`], and what its gradients need of the softmax, `[groups, heads, padded queries, 2]`: the largest score of
+    /// a query and the sum of exponentials relative to it.
+    ///
+    /// # Errors
+    /// As [`Graph::attention`].
+    pub fn attention_with_state(&mut self, q: Value, k: Value, v: Value) -> Result<(Value, Value), GraphError> {
+        self.attention_of(q, k, v, true)
+    }
+
+    fn attention_of(&mut self, q: Value, k: Value, v: Value, keep_state: bool) -> Result<(Value, Value), GraphError> {
         let dims = |value: Value| {
             <[usize; 4]>::try_from(&**self.shape(value))
                 .map_err(|_| self.misfit("attention", value, "[groups, heads, tokens, channels]"))
@@ -44,11 +59,12 @@ impl<O: Operation + From<Attention>> Graph<O> {
             return Err(self.misfit("attention", k, format!("[{groups}, {heads}, keys, {head_dim}]")));
         }
         self.expect("attention", v, &[groups, heads, keys, head_dim])?;
-        let op = Attention { q, k, v, groups, queries, keys, heads, head_dim };
+        let op = Attention { q, k, v, groups, queries, keys, heads, head_dim, keep_state };
         // Second output: running maximum and sum of each query, for kernels that see the keys in windows.
         let state = Shape::from([groups, heads, queries.next_multiple_of(32), 2]);
         let out = Shape::from([groups * queries, heads * head_dim]);
-        Ok(self.push(op, [out, state])[0])
+        let outputs = self.push(op, [out, state]);
+        Ok((outputs[0], outputs[1]))
     }
 }
 
@@ -69,6 +85,7 @@ impl Operation for Attention {
             head_dim: site.n(self.head_dim)?,
             nq: site.n(queries)?,
             nk: site.n(self.keys)?,
+            keep_state: self.keep_state,
         };
         let args = [self.q, self.k, self.v, site.outputs[0], site.outputs[1]].map(Some);
         site.call(args, spec.record(site.caps)?)
@@ -79,6 +96,10 @@ impl Operation for Attention {
     }
 
     fn row_wise(&self, _: &Values) -> Option<RowWise> {
+        if self.keep_state {
+            // Its layout would depend on the chunk.
+            return None;
+        }
         let outputs = smallvec![Access::Rows, Access::Interior];
         Some(if self.groups == 1 {
             // Queries made in the chain bring their own unit; with 64 here, whole images would never divide it.
