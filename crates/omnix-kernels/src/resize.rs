@@ -139,10 +139,10 @@ crate::layout::params! {
 
 /// The source coordinate of output o: `(o·a + b) / d − 1`, the numerator never negative.
 #[derive(Clone, Copy, Debug)]
-struct Axis {
-    a: u64,
-    b: u64,
-    d: u64,
+pub(crate) struct Axis {
+    pub(crate) a: u64,
+    pub(crate) b: u64,
+    pub(crate) d: u64,
 }
 
 impl Axis {
@@ -171,21 +171,13 @@ impl Resize {
     /// when the code or one row of a map (with the rows it is computed from) is larger than the device's binding limit.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
         let unsupported = |reason: String| KernelError::Unsupported { kernel: "resize", reason };
-        if [self.frames, self.hi, self.wi, self.ho, self.wo, self.c].contains(&0) {
-            return Err(unsupported(format!("nothing to compute: {self:?}")));
-        }
+        let axes = self.axes("resize")?;
         if self.code && !self.c.is_multiple_of(2) {
             return Err(unsupported(format!("a code of an odd number of channels: {self:?}")));
         }
         let code = 4 * (u64::from(self.wo) + u64::from(self.ho)) * u64::from(self.c / 2);
         if self.code && code > caps.max_binding {
             return Err(KernelError::RowTooLarge { kernel: "resize", bytes: code, limit: caps.max_binding });
-        }
-        let axes = [self.axis(self.hi, self.ho, true), self.axis(self.wi, self.wo, false)];
-        for (axis, n_out) in axes.iter().zip([self.ho, self.wo]) {
-            if axis.d == 0 || axis.d >= 1 << 24 || u64::from(n_out) * axis.a + axis.b > u64::from(u32::MAX) {
-                return Err(unsupported(format!("sides too long: {self:?}; 16,000 pixels are safe")));
-            }
         }
         let (ho, frames) = (u64::from(self.ho), u64::from(self.frames));
         let x_row = u64::from(self.wi) * u64::from(self.c);
@@ -219,6 +211,21 @@ impl Resize {
             }
         }
         Ok(out)
+    }
+
+    /// The coordinates of rows and columns, as far as `kernel` can compute them in 32 bits.
+    pub(crate) fn axes(&self, kernel: &'static str) -> Result<[Axis; 2], KernelError> {
+        let unsupported = |reason: String| KernelError::Unsupported { kernel, reason };
+        if [self.frames, self.hi, self.wi, self.ho, self.wo, self.c].contains(&0) {
+            return Err(unsupported(format!("nothing to compute: {self:?}")));
+        }
+        let axes = [self.axis(self.hi, self.ho, true), self.axis(self.wi, self.wo, false)];
+        for (axis, n_out) in axes.iter().zip([self.ho, self.wo]) {
+            if axis.d == 0 || axis.d >= 1 << 24 || u64::from(n_out) * axis.a + axis.b > u64::from(u32::MAX) {
+                return Err(unsupported(format!("sides too long: {self:?}; 16,000 pixels are safe")));
+            }
+        }
+        Ok(axes)
     }
 
     fn axis(&self, n_in: u32, n_out: u32, rows: bool) -> Axis {

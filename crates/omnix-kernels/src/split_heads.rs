@@ -144,7 +144,7 @@ impl SplitHeads {
     /// When a size is 0, D is odd, too wide or not a multiple of 4 beside RoPE, the heads do not fit in a row of x, or 32 rows
     /// of x are larger than the device's binding limit.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
-        self.check(caps)?;
+        self.check("split_heads", caps)?;
         let (tokens, _) = self.padded();
         let whole =
             Piece { head0: 0, heads: u64::from(self.groups) * u64::from(self.heads), t0: 0, tokens: u64::from(tokens) };
@@ -153,8 +153,9 @@ impl SplitHeads {
         Ok(out)
     }
 
-    fn check(&self, caps: &Caps) -> Result<(), KernelError> {
-        let fail = |reason: String| Err(KernelError::Unsupported { kernel: "split_heads", reason });
+    /// Whether `kernel` can take the sizes.
+    pub(crate) fn check(&self, kernel: &'static str, caps: &Caps) -> Result<(), KernelError> {
+        let fail = |reason: String| Err(KernelError::Unsupported { kernel, reason });
         if self.groups == 0 || self.tokens == 0 || self.heads == 0 {
             return fail(format!(
                 "{} groups of {} tokens and {} heads: none may be 0",

@@ -3,7 +3,7 @@
 use crate::resize::{Corners, Filter, Resize};
 
 /// The source coordinate of output `o`.
-fn coordinate(corners: Corners, n_in: u32, n_out: u32, rows: bool, o: usize) -> f64 {
+pub(super) fn coordinate(corners: Corners, n_in: u32, n_out: u32, rows: bool, o: usize) -> f64 {
     let (n_in, n_out, o) = (f64::from(n_in), f64::from(n_out), o as f64);
     match corners {
         Corners::Align if n_out == 1.0 => 0.0,
@@ -17,7 +17,7 @@ fn coordinate(corners: Corners, n_in: u32, n_out: u32, rows: bool, o: usize) -> 
 }
 
 /// Cells and weights of one axis at `coordinate`; cells are on the map.
-fn taps(filter: Filter, coordinate: f64, n: u32) -> Vec<(usize, f64)> {
+pub(super) fn taps(filter: Filter, coordinate: f64, n: u32) -> Vec<(usize, f64)> {
     let on_map = |cell: f64| cell.clamp(0.0, f64::from(n) - 1.0) as usize;
     match filter {
         Filter::Bilinear => {
