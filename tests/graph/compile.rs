@@ -64,7 +64,7 @@ fn what_a_sibling_compiled_the_first_device_finds() {
         return;
     }
     let sibling = first.sibling().expect("the adapter opens twice");
-    let spec = Attention { groups: 1, heads: 1, head_dim: 64, nq: 40, nk: 40 };
+    let spec = Attention { groups: 1, heads: 1, head_dim: 64, nq: 40, nk: 40, keep_state: false };
     let kernel = spec.record(&first.caps).expect("records").remove(0);
     assert!(!first.is_prepared(&kernel));
     let compiled = compile(&sibling, &kernel).expect("compiles");

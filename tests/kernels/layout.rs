@@ -2,8 +2,10 @@
 
 use omnix_kernels::layout::{HostParams, Layout};
 use omnix_kernels::{
-    attention, conv2d, copy, deform_sample, field_scatter, gather, layer_norm, linear, pointwise, reduce,
-    reference_view, resize, softmax, split_heads, swiglu, token_expand, top_k, traj_apply, winograd,
+    adamw, attention, attention_grad_q, blend, conv2d, conv2d_weights, copy, deform_sample, dropout, field_scatter,
+    field_scatter_grad, fill, gather, grad_norm, layer_norm, layer_norm_grad, linear, linear_weights, pack, pointwise,
+    rank, reduce, reference_view, resize, resize_grad, softmax, split_heads, split_heads_grad, swiglu, swiglu_grad,
+    token_expand, token_expand_grad, top_k, traj_apply, traj_apply_grad, winograd,
 };
 use omnix_shaders::ALL;
 use omnix_tests::{Trial, trials};
@@ -17,25 +19,45 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 /// The host's `Params` of every kernel.
 const HOST: &[(&str, Layout)] = &[
+    ("adamw", adamw::AdamWParams::LAYOUT),
     ("attention", attention::AttentionParams::LAYOUT),
+    ("attention_grad_kv", attention_grad_q::AttentionGradParams::LAYOUT),
+    ("attention_grad_q", attention_grad_q::AttentionGradParams::LAYOUT),
+    ("blend", blend::BlendParams::LAYOUT),
     ("conv2d", conv2d::Conv2dParams::LAYOUT),
+    ("conv2d_weights", conv2d_weights::Conv2dWeightsParams::LAYOUT),
     ("copy", copy::CopyParams::LAYOUT),
     ("deform_sample", deform_sample::DeformParams::LAYOUT),
+    ("deform_sample_grad", deform_sample::DeformParams::LAYOUT),
+    ("deform_sample_grad_field", deform_sample::DeformParams::LAYOUT),
+    ("dropout", dropout::DropoutParams::LAYOUT),
     ("field_scatter", field_scatter::FieldScatterParams::LAYOUT),
+    ("field_scatter_grad", field_scatter_grad::FieldScatterGradParams::LAYOUT),
+    ("fill", fill::FillParams::LAYOUT),
     ("gather", gather::RowsParams::LAYOUT),
+    ("grad_norm", grad_norm::GradNormParams::LAYOUT),
     ("layer_norm", layer_norm::LayerNormParams::LAYOUT),
+    ("layer_norm_grad", layer_norm_grad::LayerNormGradParams::LAYOUT),
     ("linear", linear::LinearParams::LAYOUT),
+    ("pack", pack::PackParams::LAYOUT),
+    ("linear_weights", linear_weights::LinearWeightsParams::LAYOUT),
     ("pointwise", pointwise::PointwiseParams::LAYOUT),
+    ("rank", rank::RankParams::LAYOUT),
     ("reduce", reduce::ReduceParams::LAYOUT),
     ("reference_view", reference_view::ReferenceViewParams::LAYOUT),
     ("resize", resize::ResizeParams::LAYOUT),
+    ("resize_grad", resize_grad::ResizeGradParams::LAYOUT),
     ("scatter", gather::RowsParams::LAYOUT),
     ("softmax", softmax::SoftmaxParams::LAYOUT),
     ("split_heads", split_heads::SplitHeadsParams::LAYOUT),
+    ("split_heads_grad", split_heads_grad::SplitHeadsGradParams::LAYOUT),
     ("swiglu", swiglu::SwiGluParams::LAYOUT),
+    ("swiglu_grad", swiglu_grad::SwiGluGradParams::LAYOUT),
     ("token_expand", token_expand::TokenExpandParams::LAYOUT),
+    ("token_expand_grad", token_expand_grad::TokenExpandGradParams::LAYOUT),
     ("top_k", top_k::TopKParams::LAYOUT),
     ("traj_apply", traj_apply::TrajApplyParams::LAYOUT),
+    ("traj_apply_grad", traj_apply_grad::TrajApplyGradParams::LAYOUT),
     ("trajectory", deform_sample::DeformParams::LAYOUT),
     ("winograd", winograd::WinogradParams::LAYOUT),
 ];

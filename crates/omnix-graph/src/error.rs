@@ -50,6 +50,12 @@ pub enum GraphError {
         /// The least that works.
         least: u64,
     },
+    /// An operation that a gradient cannot pass.
+    #[error("{op}: there is no derivative of it that training uses")]
+    NotDifferentiable {
+        /// The operation.
+        op: &'static str,
+    },
     /// A name that is no input, output or value of the graph.
     #[error("the graph has no value named `{name}`")]
     NoSuchValue {

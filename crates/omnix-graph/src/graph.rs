@@ -143,6 +143,39 @@ impl<O> Graph<O> {
         self.add(name, parameter.shape(), Source::Parameter(parameter))
     }
 
+    /// Makes an input the value that it stands for: how graphs that were recorded apart become one. `value` has the input's elements, and
+    /// was there before it.
+    ///
+    /// # Errors
+    /// When it has not, it was not, or `input` is no input.
+    pub fn connect(&mut self, input: Value, value: Value) -> Result<(), GraphError> {
+        if !matches!(self.info(input).source, Source::Input) {
+            return Err(self.misfit("connect", input, "an input"));
+        }
+        // A gradient goes through values from the last to the first.
+        if value >= input {
+            return Err(self.misfit("connect", value, "a value that was there before the input"));
+        }
+        if self.shape(input).elements() != self.shape(value).elements() {
+            return Err(self.misfit("connect", value, format!("the elements of {}", self.shape(input))));
+        }
+        self.info_mut(input).source = Source::Reshape(value);
+        Ok(())
+    }
+
+    /// Declares no outputs any longer.
+    pub fn forget_outputs(&mut self) {
+        self.outputs.clear();
+    }
+
+    /// Makes a constant an input of the same name: what changes from run to run after all.
+    pub fn free_constant(&mut self, value: Value) {
+        let info = self.info_mut(value);
+        if matches!(info.source, Source::Constant(_)) {
+            info.source = Source::Input;
+        }
+    }
+
     /// A table known at recording time.
     ///
     /// # Panics
@@ -151,6 +184,23 @@ impl<O> Graph<O> {
         let shape = shape.into();
         assert_eq!(shape.elements(), data.len(), "BUG: constant {name}");
         self.add(name.to_owned(), shape, Source::Constant(data.into()))
+    }
+
+    /// The numbers of `value`, whose gradient goes to `gradient` instead: how a choice is trained (straight-through). Costs nothing.
+    ///
+    /// # Errors
+    /// When the two do not have the same shape.
+    pub fn straight_through(&mut self, value: Value, gradient: Value) -> Result<Value, GraphError> {
+        let shape = self.shape(value).clone();
+        self.expect("straight_through", gradient, &shape)?;
+        let name = self.value_name(value).to_owned();
+        Ok(self.add(name, shape, Source::StraightThrough { value, gradient: Some(gradient) }))
+    }
+
+    /// The numbers of `value`, as a constant to derivatives: a gradient ends here. Costs nothing.
+    pub fn detach(&mut self, value: Value) -> Value {
+        let (name, shape) = (self.value_name(value).to_owned(), self.shape(value).clone());
+        self.add(name, shape, Source::StraightThrough { value, gradient: None })
     }
 
     /// The same numbers under another shape; costs nothing.

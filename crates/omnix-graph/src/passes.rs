@@ -1,5 +1,7 @@
-//! From graph to graph, before memory is planned: fusion, what is computed once, which algorithm computes a convolution.
+//! From graph to graph, before memory is planned: gradients, fusion, what is computed once, which algorithm computes a convolution.
 
+pub mod adopt;
 pub(crate) mod algorithm;
+mod differentiate;
 pub(crate) mod fixed;
 pub mod fuse;

@@ -44,6 +44,11 @@ pub trait Operation: Clone {
         SmallVec::new()
     }
 
+    /// Inputs of the graph that the operation changes in place. Such a node runs although nothing reads its result.
+    fn writes(&self) -> SmallVec<[Value; 4]> {
+        SmallVec::new()
+    }
+
     /// Every value the operation reads, parameters and constants included.
     fn inputs(&self) -> SmallVec<[Value; 8]> {
         let mut copy = self.clone();

@@ -36,6 +36,13 @@ impl Parameter {
         Shape::from(dims.as_slice())
     }
 
+    /// Where the block begins in the whole tensor, and how far apart its rows are there.
+    #[must_use]
+    pub fn place(&self) -> (usize, usize) {
+        let row: usize = self.full.get(1..).map_or(1, |rest| rest.iter().product());
+        (self.rows.start * row + self.columns.as_ref().map_or(0, |columns| columns.start), row)
+    }
+
     /// The numbers of the block, out of all of the tensor's.
     #[must_use]
     pub fn block<'a>(&self, all: &'a [f32]) -> Cow<'a, [f32]> {

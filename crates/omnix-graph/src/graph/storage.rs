@@ -1,6 +1,7 @@
 //! How parameters are stored on a device: which form each reader wants, and how many bytes that takes.
 
 use omnix_kernels::dispatch::round_up;
+use omnix_kernels::pack::Order;
 use omnix_kernels::packed::fits_f16;
 use omnix_kernels::winograd::{PLACES, transform};
 use omnix_kernels::{PackedWeights, WeightType};
@@ -21,6 +22,51 @@ pub enum WeightForm {
     Winograd,
     /// `[in, out, k, k]` of a transposed convolution with stride k: columns in the order (row, column, out).
     ConvTranspose,
+    /// `[out, in]` as the matrix of the gradient of a linear layer's input: column n is column n.
+    LinearGradient,
+    /// `[out, in, rows, columns]` as the kernel of the gradient of a convolution's input: taps in reverse, depth in the order (row,
+    /// column, out).
+    ConvGradient,
+    /// `[in, out, k, k]` as the matrix of the gradient of a transposed convolution's input: depth in the order (row, column, out).
+    ConvTransposeGradient,
+}
+
+impl WeightForm {
+    /// The form of the gradient of the input of what reads this form; none for those that only inference reads.
+    #[must_use]
+    pub const fn gradient(self) -> Option<Self> {
+        match self {
+            Self::Linear => Some(Self::LinearGradient),
+            Self::Conv => Some(Self::ConvGradient),
+            Self::ConvTranspose => Some(Self::ConvTransposeGradient),
+            Self::Winograd | Self::LinearGradient | Self::ConvGradient | Self::ConvTransposeGradient => None,
+        }
+    }
+
+    /// Where the weights of a tensor of shape `dims` lie that is read in this form, when it begins at `start` and its rows (of the first
+    /// dimension) are `row` numbers apart. Winograd's are computed, and lie nowhere.
+    #[must_use]
+    pub fn order(self, dims: &[usize], (start, row): (u32, u32)) -> Option<Order> {
+        let product = |dims: &[usize]| dims.iter().product::<usize>() as u32;
+        let (inner, taps) = (dims.get(1).map_or(1, |d| *d as u32), product(dims.get(2..).unwrap_or_default()));
+        let columns = Order { base: start, n_lo: 1, n_hi: row, n_step: 0, k_lo: 1, k_hi: 1, k_step: 0 };
+        Some(match self {
+            Self::Linear => columns,
+            Self::LinearGradient => Order { n_hi: 1, k_hi: row, ..columns },
+            Self::Conv => Order { k_lo: inner, k_step: taps, ..columns },
+            Self::ConvGradient => Order {
+                base: start + taps.saturating_sub(1),
+                n_hi: taps,
+                k_lo: dims.first().map_or(1, |d| *d as u32),
+                k_hi: 1u32.wrapping_neg(),
+                k_step: row,
+                ..columns
+            },
+            Self::ConvTranspose => Order { n_lo: inner, n_hi: 1, n_step: taps, k_hi: row, ..columns },
+            Self::ConvTransposeGradient => Order { k_lo: inner, k_step: taps, ..columns },
+            Self::Winograd => return None,
+        })
+    }
 }
 
 /// How a parameter lies on the device.
@@ -76,21 +122,12 @@ impl WeightKey {
             }
             Packing::Matrix(form, storage) => {
                 let shape = packed_shape(&dims, form, storage);
-                match form {
-                    WeightForm::Linear => shape.pack_into(|k, n| data[n * row + k], out),
-                    WeightForm::Conv => {
-                        let (channels, taps) = (dims[1], dims[2] * dims[3]);
-                        shape.pack_into(|k, n| data[n * row + k % channels * taps + k / channels], out)
-                    }
-                    WeightForm::Winograd => {
-                        let channels = dims[1];
-                        let places: Vec<_> = data.as_chunks().0.iter().map(|taps| transform(*taps)).collect();
-                        shape.pack_into(|k, n| places[n * channels + k % channels][k / channels], out)
-                    }
-                    WeightForm::ConvTranspose => {
-                        let (width, taps) = (dims[1], dims[2] * dims[3]);
-                        shape.pack_into(|k, n| data[k * row + n % width * taps + n / width], out)
-                    }
+                if let Some(order) = form.order(&dims, (0, row as u32)) {
+                    shape.pack_into(|k, n| data[order.index(k, n)], out)
+                } else {
+                    let channels = dims[1];
+                    let places: Vec<_> = data.as_chunks().0.iter().map(|taps| transform(*taps)).collect();
+                    shape.pack_into(|k, n| places[n * channels + k % channels][k / channels], out)
                 }
             }
         };
@@ -125,13 +162,14 @@ impl WeightKey {
     }
 }
 
-/// How the matrix `value` is stored when the plan stores matrices as `storage`. int8 is for linear layers: the kernels of
-/// convolutions, four axes long, are f16 then.
+/// How the matrix `value` is stored when the plan stores matrices as `storage`: what a node has packed is f32. int8 is for linear
+/// layers: the kernels of convolutions, four axes long, are f16 then.
 pub(crate) fn stored_as(values: &Values, value: Value, storage: WeightType) -> WeightType {
     match &values.info(values.root(value)).source {
         Source::Parameter(p) if p.keep_f32 => WeightType::F32,
-        _ if storage == WeightType::I8 && values.shape(value).len() != 2 => WeightType::F16,
-        _ => storage,
+        Source::Parameter(_) if storage == WeightType::I8 && values.shape(value).len() != 2 => WeightType::F16,
+        Source::Parameter(_) => storage,
+        _ => WeightType::F32,
     }
 }
 
@@ -140,9 +178,12 @@ pub(crate) fn stored_as(values: &Values, value: Value, storage: WeightType) -> W
 pub fn packed_shape(shape: &[usize], form: WeightForm, storage: WeightType) -> PackedWeights {
     let product = |dims: &[usize]| dims.iter().product::<usize>() as u32;
     let (k, n) = match form {
-        WeightForm::Linear | WeightForm::Conv => (product(&shape[1..]), shape[0] as u32),
+        WeightForm::Linear | WeightForm::Conv | WeightForm::ConvTransposeGradient => {
+            (product(&shape[1..]), shape[0] as u32)
+        }
         WeightForm::Winograd => (PLACES * shape[1] as u32, shape[0] as u32),
-        WeightForm::ConvTranspose => (shape[0] as u32, product(&shape[1..])),
+        WeightForm::ConvTranspose | WeightForm::LinearGradient => (shape[0] as u32, product(&shape[1..])),
+        WeightForm::ConvGradient => (shape[0] as u32 * product(&shape[2..]), shape[1] as u32),
     };
     PackedWeights { k, n, storage }
 }

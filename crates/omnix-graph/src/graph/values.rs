@@ -20,6 +20,13 @@ pub enum Source {
     Node(usize),
     /// The same numbers as another value under another shape.
     Reshape(Value),
+    /// The numbers of `value`; a gradient goes to `gradient` instead, or ends here.
+    StraightThrough {
+        /// Whose numbers it has.
+        value: Value,
+        /// What stands for it in a derivative, if anything.
+        gradient: Option<Value>,
+    },
 }
 
 /// What is known about a value.
@@ -77,11 +84,11 @@ impl Values {
         self.infos.iter().rposition(|v| v.name == name).map(|i| Value(i as u32))
     }
 
-    /// The value whose memory `value` shares: follows reshapes.
+    /// The value whose memory `value` shares: follows reshapes and straight-through values.
     #[must_use]
     pub fn root(&self, value: Value) -> Value {
         let mut at = value;
-        while let Source::Reshape(inner) = self.info(at).source {
+        while let Source::Reshape(inner) | Source::StraightThrough { value: inner, .. } = self.info(at).source {
             at = inner;
         }
         at

@@ -66,11 +66,33 @@ impl<O: Operation + From<Conv2d>> Graph<O> {
     }
 }
 
+impl<O: Operation + From<Conv2d>> Graph<O> {
+    /// The gradient of the input of a convolution with `w [out, in, rows, columns]` and this padding, from that of its result, with zeros
+    /// between the pixels where the stride was more than 1.
+    ///
+    /// # Errors
+    /// When a shape does not fit, the kernel is not square, or the padding is not less than its side.
+    pub(crate) fn conv2d_gradient(&mut self, dy: Value, w: Value, padding: usize) -> Result<Value, GraphError> {
+        let [frames, h, width, channels] = self.map_dims("conv2d", dy)?;
+        let (inputs, k) = match **self.shape(w) {
+            [out, inputs, rows, columns] if out == channels && rows == columns && padding < rows => (inputs, rows),
+            _ => return Err(self.misfit("conv2d", w, format!("[{channels}, in, k, k] with k above the padding"))),
+        };
+        let side = |n: usize| n + k - 1 - 2 * padding;
+        let (form, relu_input, act) = (WeightForm::ConvGradient, false, Activation::None);
+        let (padding, residuals) = (k - 1 - padding, [None; 2]);
+        let shape = [frames, side(h), side(width), inputs];
+        let op = Conv2d { x: dy, w, form, bias: None, stride: 1, padding, relu_input, act, residuals };
+        Ok(self.push_one(op, shape))
+    }
+}
+
 impl Conv2d {
     /// The sum over taps that it stands for, whatever computes it.
     pub(crate) fn sum_over_taps(&self, values: &Values, storage: WeightType) -> Result<conv2d::Conv2d, KernelError> {
         let n = |n: usize| u32_of("conv2d", n);
         let (x, w) = (values.shape(self.x), values.shape(self.w));
+        let form = if self.form == WeightForm::Winograd { WeightForm::Conv } else { self.form };
         Ok(conv2d::Conv2d {
             frames: n(x[0])?,
             hi: n(x[1])?,
@@ -79,7 +101,7 @@ impl Conv2d {
             kernel: [n(w[2])?, n(w[3])?],
             stride: n(self.stride)?,
             padding: n(self.padding)?,
-            weights: packed_shape(w, WeightForm::Conv, stored_as(values, self.w, storage)),
+            weights: packed_shape(w, form, stored_as(values, self.w, storage)),
             act: self.act,
             relu_input: self.relu_input,
             bias: self.bias.is_some(),
@@ -112,7 +134,8 @@ impl Operation for Conv2d {
     }
 
     fn flops(&self, values: &Values, outputs: &[Value]) -> u64 {
-        let taps: usize = values.shape(self.w)[1..].iter().product();
+        let w = values.shape(self.w);
+        let taps = values.shape(self.x).width() * w[2] * w[3];
         2 * values.shape(outputs[0]).elements() as u64 * taps as u64
     }
 

@@ -2,15 +2,18 @@
 
 use omnix_kernels::KernelError;
 use omnix_kernels::copy::{Copy as StridedCopy, Strided};
+use omnix_kernels::fill::Fill;
 
 use crate::error::{GraphError, u32_of};
 use crate::graph::{Call, Graph, Operation, Shape, Site, Value, Values};
 
-/// An output put together from strided pieces that cover it.
+/// An output put together from strided pieces that cover it, or lie in zeros.
 #[derive(Clone, Debug)]
 pub struct Copies {
     /// Source and geometry of each piece.
     pub pieces: Vec<(Value, StridedCopy)>,
+    /// Whether what no piece addresses is zero; otherwise the pieces cover the output.
+    pub zeros: bool,
 }
 
 /// A block of a value and where it goes in the result of [`Graph::assemble`].
@@ -158,6 +161,19 @@ impl<O: Operation + From<Copies>> Graph<O> {
         Ok(self.copies(copies, shape))
     }
 
+    /// `[outer, n, inner]` from a value of `outer · inner` elements: each repeated along a new axis in the middle.
+    ///
+    /// # Errors
+    /// When it has not this number of elements.
+    pub(crate) fn broadcast_middle(&mut self, x: Value, [outer, n, inner]: [usize; 3]) -> Result<Value, GraphError> {
+        if self.shape(x).elements() != outer * inner {
+            return Err(self.misfit("broadcast", x, format!("[{outer}, {inner}]")));
+        }
+        let dims = [outer, n, inner];
+        let piece = strided(&dims, (0, &[inner, 0, 1]), (0, &strides(&dims)))?;
+        Ok(self.copies(vec![(x, piece)], dims))
+    }
+
     /// `count` copies of `x` along a new first axis.
     ///
     /// # Errors
@@ -172,8 +188,45 @@ impl<O: Operation + From<Copies>> Graph<O> {
         Ok(self.copies(vec![(x, piece)], dims.as_slice()))
     }
 
+    /// A value of `shape` that is zero but where the `pieces` are: each reads its value at `src` and writes the result at `dst`,
+    /// in elements. A slice's gradient, a map with zeros between its pixels. No two indices may write the same element.
+    ///
+    /// # Errors
+    /// When a piece reads outside its value, writes outside the result, or writes an element twice by a stride of 0.
+    pub fn in_zeros(
+        &mut self,
+        shape: impl Into<Shape>,
+        pieces: Vec<(Value, StridedCopy)>,
+    ) -> Result<Value, GraphError> {
+        let shape = shape.into();
+        let end = |piece: &StridedCopy, side: &Strided| {
+            let last = piece.shape.iter().zip(&side.strides).map(|(n, s)| u64::from(n - 1) * u64::from(*s));
+            side.offset + last.sum::<u64>()
+        };
+        let mut kept = Vec::with_capacity(pieces.len());
+        for (value, piece) in pieces {
+            if piece.shape.contains(&0) {
+                continue;
+            }
+            let (from, to) = (end(&piece, &piece.src), end(&piece, &piece.dst));
+            if from >= self.shape(value).elements() as u64 {
+                return Err(self.misfit("in_zeros", value, format!("more than {from} elements")));
+            }
+            let twice = piece.shape.iter().zip(&piece.dst.strides).any(|(n, s)| *n > 1 && *s == 0);
+            if twice || to >= shape.elements() as u64 {
+                let reason = format!("{piece:?} writes an element twice, or outside of {shape}");
+                return Err(GraphError::Arguments { op: "in_zeros", reason });
+            }
+            kept.push((value, piece));
+        }
+        // No element is written twice: this number of them is all.
+        let written: u64 = kept.iter().map(|(_, p)| p.shape.iter().map(|n| u64::from(*n)).product::<u64>()).sum();
+        let zeros = written < shape.elements() as u64;
+        Ok(self.push_one(Copies { pieces: kept, zeros }, shape))
+    }
+
     fn copies(&mut self, pieces: Vec<(Value, StridedCopy)>, shape: impl Into<Shape>) -> Value {
-        self.push_one(Copies { pieces }, shape)
+        self.push_one(Copies { pieces, zeros: false }, shape)
     }
 }
 
@@ -191,7 +244,16 @@ impl Operation for Copies {
             let args = [Some(*x), Some(site.outputs[0])].into_iter().collect();
             Ok(Call { args, dispatches: piece.record(site.caps)? })
         };
-        self.pieces.iter().map(call).collect()
+        let mut calls = Vec::with_capacity(self.pieces.len() + 1);
+        if self.zeros {
+            let y = site.outputs[0];
+            let spec = Fill::whole(site.values.shape(y).elements() as u64, 0.0);
+            calls.extend(site.call([Some(y)], spec.record(site.caps)?)?);
+        }
+        for piece in &self.pieces {
+            calls.push(call(piece)?);
+        }
+        Ok(calls)
     }
 
     fn flops(&self, _: &Values, _: &[Value]) -> u64 {

@@ -16,7 +16,7 @@ pub struct Gather {
 }
 
 impl<O: Operation + From<Gather>> Graph<O> {
-    /// `y[r] = x[index[r]]` over the first axis; `index` is u32 `[m]`.
+    /// `y[r] = x[index[r]]` over the first axis; `index` is u32 `[m]`. Where a gradient passes to `x`, each row is read at most once.
     ///
     /// # Errors
     /// When `index` is not a vector, or `x` has no rows to take.

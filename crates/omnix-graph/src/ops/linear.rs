@@ -42,7 +42,7 @@ impl<O: Operation + From<Linear>> Graph<O> {
     }
 
     /// A product of `n` columns with weights of any form.
-    pub(super) fn linear_of(
+    pub(crate) fn linear_of(
         &mut self,
         x: Value,
         w: Value,

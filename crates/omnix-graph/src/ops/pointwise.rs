@@ -1,4 +1,4 @@
-//! Functions of one value or of two, element by element.
+//! Functions of one value or of two, element by element; the gradient of a function of one; the choice between two.
 
 use omnix_kernels::KernelError;
 use omnix_kernels::pointwise::{self, Binary, Pointwise, PointwiseOp, Unary};
@@ -38,6 +38,63 @@ pub struct Operand {
     pub len: usize,
 }
 
+/// `dy · op'(x)`.
+#[derive(Clone, Debug)]
+pub struct MapGrad {
+    /// The operation that `x` went into.
+    pub op: Unary,
+    /// Its operand.
+    pub x: Value,
+    /// Gradient of its result.
+    pub dy: Value,
+}
+
+/// `a` where the mask is not 0, else `b`.
+#[derive(Clone, Debug)]
+pub struct Select {
+    /// Where it is not 0 (NaN is not 0), `a` is taken.
+    pub mask: Operand,
+    /// Taken there; the output's shape.
+    pub a: Value,
+    /// Taken elsewhere.
+    pub b: Value,
+}
+
+impl<O: Operation + From<MapGrad>> Graph<O> {
+    /// The gradient of [`Graph::map`]: `dy · op'(x)`, element by element.
+    ///
+    /// # Errors
+    /// When the shapes differ.
+    pub fn map_grad(&mut self, op: Unary, x: Value, dy: Value) -> Result<Value, GraphError> {
+        let shape = self.shape(x).clone();
+        if *self.shape(dy) != shape {
+            return Err(self.misfit("pointwise", dy, format!("{shape}")));
+        }
+        Ok(self.push_one(MapGrad { op, x, dy }, shape))
+    }
+}
+
+impl<O: Operation + From<Select>> Graph<O> {
+    /// `a` where `mask` is not 0, else `b`, whatever the other one is: NaN that is not chosen leaves no trace. `a` and `b` have one
+    /// shape, the mask has it too or is a number for each row of their last axis.
+    ///
+    /// # Errors
+    /// When the shapes do not fit.
+    pub fn select(&mut self, mask: Value, a: Value, b: Value) -> Result<Value, GraphError> {
+        let shape = self.shape(a).clone();
+        if *self.shape(b) != shape {
+            return Err(self.misfit("select", b, format!("{shape}")));
+        }
+        let count = self.shape(mask).elements();
+        let div = match count {
+            _ if count == shape.elements() => 1,
+            _ if count == shape.rows() => shape.width(),
+            _ => return Err(self.misfit("select", mask, format!("{shape}, or a number for each of its rows"))),
+        };
+        Ok(self.push_one(Select { mask: Operand { value: mask, div, len: count }, a, b }, shape))
+    }
+}
+
 impl<O: Operation + From<Map>> Graph<O> {
     /// `op(x)`, element by element.
     pub fn map(&mut self, op: Unary, x: Value) -> Value {
@@ -72,6 +129,12 @@ impl<O: Operation + From<Zip>> Graph<O> {
         }
         let b = Operand { value: b, div: shape.width(), len: shape.rows() };
         Ok(self.push_one(Zip { op, a, b }, shape))
+    }
+
+    /// `op(a, b)` with the operand of another node over values of this shape.
+    pub(crate) fn zip_operand(&mut self, op: Binary, a: Value, b: Operand) -> Value {
+        let shape = self.shape(a).clone();
+        self.push_one(Zip { op, a, b }, shape)
     }
 
     /// `a + b` as [`Graph::zip`].
@@ -142,5 +205,55 @@ impl Operation for Zip {
         } else {
             None
         }
+    }
+}
+
+impl Operation for MapGrad {
+    fn name(&self) -> &'static str {
+        "pointwise"
+    }
+
+    fn map_inputs(&mut self, map: &mut dyn FnMut(Value) -> Value) {
+        map_all([&mut self.x, &mut self.dy], map);
+    }
+
+    fn lower(&self, site: &Site<'_>) -> Result<Vec<Call>, KernelError> {
+        let spec = Pointwise::gradient(site.n(site.elements(self.x))?, self.op);
+        site.call([self.x, self.dy, site.outputs[0]].map(Some), spec.record(site.caps)?)
+    }
+
+    fn flops(&self, values: &Values, outputs: &[Value]) -> u64 {
+        2 * values.shape(outputs[0]).elements() as u64
+    }
+
+    fn row_wise(&self, values: &Values) -> Option<RowWise> {
+        Some(RowWise::new(values.shape(self.x).rows(), 1, 2, 0))
+    }
+}
+
+impl Operation for Select {
+    fn name(&self) -> &'static str {
+        "pointwise"
+    }
+
+    fn map_inputs(&mut self, map: &mut dyn FnMut(Value) -> Value) {
+        map_all([&mut self.mask.value, &mut self.a, &mut self.b], map);
+    }
+
+    fn lower(&self, site: &Site<'_>) -> Result<Vec<Call>, KernelError> {
+        let Self { mask, a, b } = self;
+        let count = site.elements(*a);
+        // The mask is cut with the rows.
+        let operand = pointwise::Operand { div: site.n(mask.div)?, len: site.n(count / mask.div)? };
+        let spec = Pointwise::select(site.n(count)?, operand);
+        site.call([*a, mask.value, site.outputs[0], *b].map(Some), spec.record(site.caps)?)
+    }
+
+    fn flops(&self, values: &Values, outputs: &[Value]) -> u64 {
+        values.shape(outputs[0]).elements() as u64
+    }
+
+    fn row_wise(&self, values: &Values) -> Option<RowWise> {
+        Some(RowWise::new(values.shape(self.a).rows(), 1, 3, 0))
     }
 }

@@ -32,26 +32,35 @@ pub struct Expand {
     pub kappa: Option<Value>,
 }
 
+/// Checks the shapes; times, tokens and channels.
+pub(super) fn check(
+    values: &Values,
+    op: &'static str,
+    (q, shift, parts): (Value, Value, Expand),
+) -> Result<[usize; 3], GraphError> {
+    let (m, d) = (values.shape(q).rows(), values.shape(q).width());
+    let times = match **values.shape(shift) {
+        [times, width] if width == d => times,
+        _ => return Err(values.misfit(op, shift, format!("[times, {d}]"))),
+    };
+    if let Some(scale) = parts.scale {
+        values.expect(op, scale, &[times, d])?;
+    }
+    for value in [parts.alpha, parts.kappa].into_iter().flatten() {
+        if values.shape(value).elements() != m {
+            return Err(values.misfit(op, value, format!("one number for each of {m} tokens")));
+        }
+    }
+    Ok([times, m, d])
+}
+
 impl<O: Operation + From<TokenExpand>> Graph<O> {
     /// `z[t, r] = q[r] · (1 + alpha[r] · scale[t]) + kappa[r] · shift[t]`: `[T, m, d]` of `q [.., d]` and `shift [T, d]`.
     ///
     /// # Errors
     /// When a shape does not fit.
     pub fn token_expand(&mut self, q: Value, shift: Value, parts: Expand) -> Result<Value, GraphError> {
-        let op = "token_expand";
-        let (m, d) = (self.shape(q).rows(), self.shape(q).width());
-        let times = match **self.shape(shift) {
-            [times, width] if width == d => times,
-            _ => return Err(self.misfit(op, shift, format!("[times, {d}]"))),
-        };
-        if let Some(scale) = parts.scale {
-            self.expect(op, scale, &[times, d])?;
-        }
-        for value in [parts.alpha, parts.kappa].into_iter().flatten() {
-            if self.shape(value).elements() != m {
-                return Err(self.misfit(op, value, format!("one number for each of {m} tokens")));
-            }
-        }
+        let [times, m, d] = check(self, "token_expand", (q, shift, parts))?;
         let Expand { scale, alpha, kappa } = parts;
         Ok(self.push_one(TokenExpand { q, scale, shift, alpha, kappa }, [times, m, d]))
     }

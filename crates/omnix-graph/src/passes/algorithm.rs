@@ -12,6 +12,10 @@ use crate::ops::{Graph, Op};
 pub(crate) fn choose(graph: &mut Graph, caps: &Caps, storage: WeightType) {
     for index in 0..graph.nodes.len() {
         let Op::Conv2d(conv) = &graph.nodes[index].op else { continue };
+        // Winograd's weights are made by the host, of a checkpoint's.
+        if conv.form != WeightForm::Conv || !matches!(graph.info(graph.root(conv.w)).source, Source::Parameter(_)) {
+            continue;
+        }
         // What is too large for a kernel is said when it is recorded.
         let spec = conv.sum_over_taps(&graph.values, storage);
         let Some(spec) = spec.ok().and_then(|conv| Winograd::of(conv, caps)) else {

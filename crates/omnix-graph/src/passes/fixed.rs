@@ -25,9 +25,12 @@ pub(crate) fn to_front(graph: &mut Graph) -> usize {
 
 /// Whether no input reaches `node`, when that is known of earlier ones.
 fn is_fixed(graph: &Graph, node: &Node, fixed: impl Fn(usize) -> bool) -> bool {
-    node.op.inputs().into_iter().all(|value| match &graph.info(graph.root(value)).source {
-        Source::Parameter(_) | Source::Constant(_) => true,
-        Source::Node(i) => fixed(*i),
-        Source::Input | Source::Reshape(_) => false,
-    })
+    let inputs = node.op.inputs();
+    // What reads nothing is a constant that is cheaper made again than kept.
+    !inputs.is_empty()
+        && inputs.into_iter().all(|value| match &graph.info(graph.root(value)).source {
+            Source::Parameter(_) | Source::Constant(_) => true,
+            Source::Node(i) => fixed(*i),
+            Source::Input | Source::Reshape(_) | Source::StraightThrough { .. } => false,
+        })
 }

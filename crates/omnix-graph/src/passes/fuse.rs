@@ -36,7 +36,7 @@ fn uses(graph: &Graph) -> Vec<u32> {
     graph.nodes.iter().flat_map(|n| n.op.inputs()).for_each(&mut add);
     graph.outputs.iter().copied().for_each(&mut add);
     for (_, info) in graph.values() {
-        if let Source::Reshape(inner) = info.source {
+        if let Source::Reshape(inner) | Source::StraightThrough { value: inner, .. } = info.source {
             add(inner);
         }
     }
@@ -146,7 +146,7 @@ fn prune(graph: &Graph, gone: &[bool]) -> Graph {
     graph.outputs.iter().for_each(|v| mark(&mut needed, *v));
     let mut keep = vec![false; graph.nodes.len()];
     for (i, node) in graph.nodes.iter().enumerate().rev() {
-        if !gone[i] && node.outputs.iter().any(|v| needed[v.0 as usize]) {
+        if !gone[i] && (node.outputs.iter().any(|v| needed[v.0 as usize]) || !node.op.writes().is_empty()) {
             keep[i] = true;
             node.op.inputs().iter().for_each(|v| mark(&mut needed, *v));
         }

@@ -135,7 +135,7 @@ pub fn assign(
                 lives.push(Life { root, bytes, from: made.start, to: read.end - 1 });
                 continue;
             }
-            Source::Reshape(_) => continue,
+            Source::Reshape(_) | Source::StraightThrough { .. } => continue,
         };
         match plan.places[root] {
             Place::Own => plan.own += bytes,

@@ -12,7 +12,7 @@ impl Gpu {
     /// Waits until everything submitted has run.
     ///
     /// # Errors
-    /// [`KernelError::DeviceLost`]; in a browser also what went wrong since the last wait ([`Gpu::settle`]).
+    /// [`KernelError::DeviceLost`]; in a browser also what went wrong since the last wait.
     pub async fn wait_async(&self) -> Result<(), KernelError> {
         self.reached(wgpu::PollType::wait_indefinitely()).await
     }
