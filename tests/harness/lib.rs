@@ -1,8 +1,11 @@
-//! Shared by all test binaries: the device and its families of variants, trials, cases, seeded numbers, comparison.
+//! Shared by all test binaries: the device and its families of variants, trials, cases, an interpreter of graphs, losses, seeded
+//! numbers, comparison.
 
 pub mod cases;
 pub mod compare;
 pub mod family;
+pub mod interpret;
+pub mod losses;
 pub mod rng;
 pub mod trials;
 

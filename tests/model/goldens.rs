@@ -9,9 +9,10 @@ use omnix_geometry::{Camera, Pose, encode_pose_code};
 use omnix_graph::Graph;
 use omnix_graph::passes::fuse::fuse;
 use omnix_model::{BackboneSpec, HeadSpec, Network, NetworkConfig, ReferenceChoice};
+use omnix_tests::interpret;
 use omnix_weights::{Checkpoint, TensorFile};
 
-use crate::{fixture, interpret};
+use crate::fixture;
 
 /// Largest difference over the largest magnitude; float32 noise of the goldens is 1e-6 to 5e-6.
 const BOUND: f32 = 5e-5;
@@ -98,7 +99,7 @@ fn backbone(case: &Case, images: &str, spec: &BackboneSpec, codes: Option<&[f32]
         for (ours, theirs) in &taps {
             let output = graph.outputs().iter().find(|v| graph.value_name(**v) == ours);
             if let Some(value) = output {
-                close(ours, run.get(*value), &case.f32(theirs));
+                close(ours, &run.rounded(*value), &case.f32(theirs));
                 compared += 1;
             } else {
                 assert!(!all, "{ours} is not recorded");
@@ -132,7 +133,7 @@ fn head(case: &Case) {
     for (graph, all) in [(recorded, true), (fuse(&plain), false)] {
         let run = interpret::run(&graph, &inputs, &|name| case.parameter(name));
         for (ours, theirs) in maps.iter().filter(|_| all) {
-            close(ours, run.find(ours).unwrap_or_else(|| panic!("{ours} is not recorded")), &case.first_map(theirs));
+            close(ours, &run.find(ours).unwrap_or_else(|| panic!("{ours} is not recorded")), &case.first_map(theirs));
         }
         let outputs = [
             ("depth", ["out.depth", "out.depth"]),
@@ -143,7 +144,7 @@ fn head(case: &Case) {
         for (ours, theirs) in outputs {
             let got = run.find(ours).unwrap();
             let Some(theirs) = theirs.into_iter().find(|t| case.has(t)) else { panic!("no {ours}") };
-            close(ours, got, &case.f32(theirs)[..got.len()]);
+            close(ours, &got, &case.f32(theirs)[..got.len()]);
         }
     }
 }
@@ -257,23 +258,25 @@ fn nano_from_pictures_to_depth() {
     let outputs = case.network.backbone(&mut g, &spec(&case, ReferenceChoice::First)).unwrap();
     let g = fuse(&g);
     let run = interpret::run(&g, &[("images", &pixels)], &|name| case.parameter(name));
-    close("cam.pose_enc", run.get(outputs.pose_codes), &case.f32("out.pose_encoding"));
-    let first = |k: usize| {
-        let all = run.get(outputs.features[k]);
-        &all[..all.len() / case.images]
-    };
-    close("feat.3", first(3), &case.f32("feat.3"));
+    close("cam.pose_enc", &run.rounded(outputs.pose_codes), &case.f32("out.pose_encoding"));
+    let first: Vec<(String, Vec<f32>)> = (0..4)
+        .map(|k| {
+            let all = run.rounded(outputs.features[k]);
+            (format!("feat.{k}"), all[..all.len() / case.images].to_vec())
+        })
+        .collect();
+    close("feat.3", &first[3].1, &case.f32("feat.3"));
 
     let mut g = Graph::new();
     let spec = HeadSpec { frames: 1, grid: case.grid, rays: true, points: false };
     let head = case.network.head(&mut g, &spec).unwrap();
-    let inputs = [("feat.0", first(0)), ("feat.1", first(1)), ("feat.2", first(2)), ("feat.3", first(3))];
+    let inputs: Vec<(&str, &[f32])> = first.iter().map(|(name, data)| (name.as_str(), data.as_slice())).collect();
     let g = fuse(&g);
     let run = interpret::run(&g, &inputs, &|name| case.parameter(name));
     let (ray, ray_confidence) = head.rays.unwrap();
     for (name, value) in
         [("depth", head.depth), ("depth_conf", head.confidence), ("ray", ray), ("ray_conf", ray_confidence)]
     {
-        close(name, run.get(value), &case.f32(&format!("out.{name}")));
+        close(name, &run.rounded(value), &case.f32(&format!("out.{name}")));
     }
 }

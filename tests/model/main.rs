@@ -1,5 +1,5 @@
-//! The networks: configurations, manifests, and the graphs they record, the latter against recorded goldens too, by an
-//! interpreter of graphs that knows no device. Configurations and tensor lists of the goldens are in `tests/data/model`; the
+//! The networks: configurations, manifests, and the graphs they record, the latter against recorded goldens too, by the
+//! interpreter of graphs that knows no device (`omnix_tests::interpret`). Configurations and tensor lists of the goldens are in `tests/data/model`; the
 //! goldens themselves are used when `../shared` is there. Also what plans of them cost, counted (`work`).
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
@@ -9,7 +9,6 @@ mod config;
 mod fixture;
 mod goldens;
 mod graphs;
-mod interpret;
 mod manifest;
 mod plans;
 mod work;
