@@ -28,6 +28,7 @@ mod motion;
 mod network;
 mod rope;
 mod sampling;
+mod training;
 mod trajectory;
 
 pub use backbone::{BackboneOutputs, BackboneSpec, Reference, ReferenceChoice};
@@ -38,6 +39,7 @@ pub use manifest::{Parts, manifest};
 pub use motion::{MotionOutputs, MotionSpec};
 pub use network::Network;
 pub use sampling::{SamplingOutputs, SamplingSpec};
+pub use training::{TimeCode, TrainingMotion, TrainingOutputs, TrainingSpec};
 pub use trajectory::{TrajectoryOutputs, TrajectorySpec, trajectory};
 
 /// Side of a patch in pixels; picture sides are multiples of it.

@@ -50,9 +50,11 @@ impl Head {
         Ok(points)
     }
 
-    /// The output `traj.point_tokens` `[frames, P, d]`: the points of each patch, row by row, through one layer.
+    /// The output `traj.point_tokens` `[frames, P, d]`: the points of each patch, row by row, through one layer. They are constants to
+    /// its gradient (`spec/omnix.md` 5.1).
     pub(super) fn point_tokens(&self, g: &mut Graph, points: Value, d: usize) -> Result<Value, GraphError> {
         let (frames, (rows, columns)) = (self.frames, self.grid);
+        let points = g.detach(points);
         let split = g.reshape(points, [frames * rows, PATCH, columns, PATCH * XYZ])?;
         let cells = g.permute(split, &[0, 2, 1, 3])?;
         let cells = g.reshape(cells, [frames, rows * columns, PATCH * PATCH * XYZ])?;
