@@ -1,0 +1,205 @@
+//! Paths beside pixels, depth, masks and visibility.
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::grid::{At, at, chosen, quantile};
+use crate::rigid::{Pinhole, centre};
+use crate::{Flag, Motion, Sample};
+
+/// Difference of depth, as a share, within which a point lies on the surface that an image shows.
+const ON: f64 = 0.03;
+/// A point of a still pixel that comes further than this share of its depth from its own place moves.
+const STILL: f64 = 0.005;
+/// Points this near to the edge of an image, in pixels, may be in or out.
+const EDGE: f64 = 0.05;
+/// Tracks that are looked at, at most, roughly.
+const TRACKS: usize = 4000;
+
+/// How well paths agree with the rest.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrackErrors {
+    /// Places compared with where the data set says that they are in an image.
+    pub compared: usize,
+    /// Median error in pixels.
+    pub median: f64,
+    /// 95th percentile of the same.
+    pub percentile_95: f64,
+    /// Largest error in pixels.
+    pub most: f64,
+    /// Mean offset in pixels, right and down: half a pixel both ways is another count of pixels.
+    pub offset: [f64; 2],
+    /// Median relative difference between the depth of visible points and of the image there.
+    pub depth_median: Option<f64>,
+    /// Points of pixels that are said to stand still, and move.
+    pub still_but_moving: usize,
+}
+
+/// Visibility beside depth.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Visibility {
+    /// Flags that depth can say something about.
+    pub compared: usize,
+    /// Flags that contradict it.
+    pub contradictions: usize,
+    /// Of these: visible, and outside of the image or behind the camera.
+    pub outside: usize,
+    /// Visible, and behind a nearer surface.
+    pub behind: usize,
+    /// Hidden, inside of the image and on the surface that it shows, or in front of it.
+    pub hidden: usize,
+}
+
+/// A place that the data set states: a point of the world, and where it is in an image.
+pub(super) struct Place {
+    pub(super) image: usize,
+    pub(super) point: DVec3,
+    pub(super) pixel: [f64; 2],
+}
+
+/// The places that a sample states: the own-time points of pixels, or tracks with their positions in images.
+pub(super) fn places(sample: &Sample) -> Vec<Place> {
+    let known = |p: &[f32; 3]| p[0].is_finite();
+    let wide = |p: [f32; 3]| DVec3::from(p.map(f64::from));
+    let mut places = Vec::new();
+    match sample.motion() {
+        Motion::Unknown => {}
+        Motion::Dense(_) => {
+            let width = sample.size()[0] as usize;
+            for (image, own) in (0..sample.count()).filter_map(|image| Some((image, sample.positions(image, image)?))) {
+                let pixels = chosen(sample).filter(|pixel| known(&own[*pixel]));
+                places.extend(pixels.map(|p| Place { image, point: wide(own[p]), pixel: centre(p, width) }));
+            }
+        }
+        Motion::Tracks(tracks) => {
+            let Some(pixels) = &tracks.pixels else {
+                return places;
+            };
+            let step = (tracks.count / TRACKS).max(1);
+            for (image, track) in (0..sample.count()).flat_map(|i| (0..tracks.count).step_by(step).map(move |t| (i, t)))
+            {
+                let index = image * tracks.count + track;
+                let (point, pixel) = (tracks.positions[index], pixels[index].map(f64::from));
+                if known(&point) && tracks.visible[index] == Flag::Yes && pixel.iter().all(|v| v.is_finite()) {
+                    places.push(Place { image, point: wide(point), pixel });
+                }
+            }
+        }
+    }
+    places
+}
+
+/// Measures the paths; none where the sample states no place.
+pub(super) fn measure(sample: &Sample, cameras: &[Pinhole]) -> Option<TrackErrors> {
+    let (mut errors, mut offset) = (Vec::new(), [0.0; 2]);
+    for Place { image, point, pixel } in places(sample) {
+        let seen = cameras[image].w2c.apply(point);
+        let [u, v] = cameras[image].project(seen);
+        let [across, down] = [u - pixel[0], v - pixel[1]];
+        // Behind the camera, as far off as can be.
+        let error = if seen.z > 0.0 { across.hypot(down) } else { f64::from(sample.size()[0].max(sample.size()[1])) };
+        errors.push(error);
+        if seen.z > 0.0 {
+            offset = [offset[0] + across, offset[1] + down];
+        }
+    }
+    if errors.is_empty() && matches!(sample.motion(), Motion::Unknown) {
+        return None;
+    }
+    let mut depths = Vec::new();
+    flags(sample, cameras, |flag, _, beside| {
+        if let (Flag::Yes, Some(off)) = (flag, beside) {
+            depths.push(off.abs());
+        }
+    });
+    let count = errors.len();
+    Some(TrackErrors {
+        compared: count,
+        median: quantile(&mut errors, 0.5),
+        percentile_95: quantile(&mut errors, 0.95),
+        most: errors.last().copied().unwrap_or(0.0),
+        offset: offset.map(|sum| sum / count.max(1) as f64),
+        depth_median: (!depths.is_empty()).then(|| quantile(&mut depths, 0.5)),
+        still_but_moving: still_but_moving(sample),
+    })
+}
+
+/// Points of pixels that are said to stand still, whose paths do not.
+fn still_but_moving(sample: &Sample) -> usize {
+    let mut count = 0;
+    for source in 0..sample.count() {
+        let (Some(moving), Some(own)) = (sample.moving(source), sample.positions(source, source)) else {
+            continue;
+        };
+        let depth = sample.depth(source);
+        for pixel in chosen(sample).filter(|pixel| moving[*pixel] == Flag::No) {
+            let near = depth.map_or(1.0, |depth| depth[pixel]) as f64 * STILL;
+            let far = |time: usize| {
+                let there = sample.positions(source, time).map_or([f32::NAN; 3], |map| map[pixel]);
+                (0..3).map(|k| f64::from(there[k] - own[pixel][k]).powi(2)).sum::<f64>().sqrt() > near
+            };
+            count += usize::from((0..sample.count()).any(far));
+        }
+    }
+    count
+}
+
+/// Compares visibility with depth; none without both.
+pub(super) fn visibility(sample: &Sample, cameras: &[Pinhole]) -> Option<Visibility> {
+    let mut found = Visibility { compared: 0, contradictions: 0, outside: 0, behind: 0, hidden: 0 };
+    flags(sample, cameras, |flag, inside, beside| {
+        if flag == Flag::Unknown || inside.is_none() || (inside == Some(true) && beside.is_none()) {
+            return;
+        }
+        found.compared += 1;
+        match (flag, inside == Some(true), beside) {
+            (Flag::Yes, false, _) => found.outside += 1,
+            (Flag::Yes, true, Some(off)) if off > ON => found.behind += 1,
+            (Flag::No, true, Some(off)) if off < ON / 3.0 => found.hidden += 1,
+            _ => {}
+        }
+    });
+    found.contradictions = found.outside + found.behind + found.hidden;
+    (found.compared > 0).then_some(found)
+}
+
+/// Calls `tell` for flags of visibility with whether the point is inside of the image (none at its edge), and with its depth over the depth
+/// there, less 1 (none where that is unclear).
+fn flags(sample: &Sample, cameras: &[Pinhole], mut tell: impl FnMut(Flag, Option<bool>, Option<f64>)) {
+    let size = sample.size().map(|side| side as usize);
+    let mut look = |image: usize, position: [f32; 3], flag: Flag| {
+        if !position[0].is_finite() {
+            return;
+        }
+        let seen = cameras[image].w2c.apply(DVec3::from(position.map(f64::from)));
+        let [u, v] = cameras[image].project(seen);
+        let within = |margin: f64| {
+            u >= margin && v >= margin && u < size[0] as f64 - margin && v < size[1] as f64 - margin && seen.z > 0.0
+        };
+        let inside = if within(EDGE) == within(-EDGE) { Some(within(0.0)) } else { None };
+        let beside = sample.depth(image).and_then(|depth| match at(depth, size, [u, v]) {
+            At::Inverse(inverse) if seen.z > 0.0 => Some(seen.z * inverse - 1.0),
+            _ => None,
+        });
+        tell(flag, inside, beside);
+    };
+    match sample.motion() {
+        Motion::Unknown => {}
+        Motion::Dense(_) => {
+            for (source, time) in (0..sample.count()).flat_map(|s| (0..sample.count()).map(move |t| (s, t))) {
+                if let (Some(positions), Some(visible)) = (sample.positions(source, time), sample.visible(source, time))
+                {
+                    chosen(sample).for_each(|pixel| look(time, positions[pixel], visible[pixel]));
+                }
+            }
+        }
+        Motion::Tracks(tracks) => {
+            let step = (tracks.count / TRACKS).max(1);
+            for (image, track) in (0..sample.count()).flat_map(|i| (0..tracks.count).step_by(step).map(move |t| (i, t)))
+            {
+                let index = image * tracks.count + track;
+                look(image, tracks.positions[index], tracks.visible[index]);
+            }
+        }
+    }
+}
