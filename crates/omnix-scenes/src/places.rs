@@ -1,0 +1,11 @@
+//! The places of scenes: each function puts one together on a stage.
+
+mod field;
+mod room;
+mod street;
+mod studio;
+
+pub(crate) use field::field;
+pub(crate) use room::{desk, room};
+pub(crate) use street::street;
+pub(crate) use studio::studio;

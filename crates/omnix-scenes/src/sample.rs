@@ -1,0 +1,202 @@
+//! Samples for training straight from a seed, without a file.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use omnix_data::{Dense, Flag, Motion, Sample, SampleParts, Time, Unit};
+use omnix_geometry::Camera;
+use rayon::prelude::*;
+
+use crate::cast::{Geometry, Hit};
+use crate::clean::{Refusal, judge_colours, judge_overlap};
+use crate::error::ScenesError;
+use crate::labels::{hits, is_outside, is_seen, moves, points};
+use crate::photo::Photo;
+use crate::picture::{draw, film};
+use crate::random::Random;
+use crate::recipe::Recipe;
+use crate::scene::Scene;
+use crate::smear::Later;
+use crate::view::View;
+
+/// Most images of a sample: paths are a square of it.
+const MOST_IMAGES: usize = 64;
+/// Most pixels of an image.
+const MOST_PIXELS: usize = 1 << 24;
+
+/// Which samples are made.
+#[derive(Debug, Clone)]
+pub struct Samples {
+    /// What scenes are drawn from.
+    pub recipe: Recipe,
+    /// Photographs for textures.
+    pub photos: Vec<Arc<Photo>>,
+    /// Width and height of the images.
+    pub size: [usize; 2],
+    /// Images of a sample.
+    pub images: usize,
+    /// Whether visibility is found out too: a ray for each pixel and time.
+    pub visibility: bool,
+    /// All samples follow from it and their index.
+    pub seed: u64,
+}
+
+/// One image that is wanted: which of the scene's cameras takes it, and when.
+#[derive(Debug, Clone, Copy)]
+struct Shot {
+    rig: usize,
+    moment: usize,
+    video: u32,
+    frame: u32,
+}
+
+impl Samples {
+    /// Sample number `index`.
+    ///
+    /// # Errors
+    /// A recipe, size or number of images that cannot be, and an index of which every draw was refused.
+    pub fn get(&self, index: u64) -> Result<Sample, ScenesError> {
+        self.check()?;
+        let mut reason = Refusal::Bare;
+        for draw in 0..self.recipe.tries {
+            let scene = Scene::draw(&self.recipe, &self.photos, self.seed, index, draw);
+            match self.of(&scene) {
+                Err(ScenesError::Refused { reason: why, .. }) => reason = why,
+                other => return other,
+            }
+        }
+        Err(ScenesError::Refused { seed: self.seed, index, tries: self.recipe.tries, reason })
+    }
+
+    fn check(&self) -> Result<(), ScenesError> {
+        self.recipe.check()?;
+        let [width, height] = self.size;
+        let pixels = width.saturating_mul(height);
+        if pixels == 0 || pixels.saturating_mul(self.images) > MOST_PIXELS {
+            let value = format!("{width} x {height}, {} images", self.images);
+            return Err(ScenesError::Recipe { field: "size", value, expected: "1 to 16,777,216 pixels in all images" });
+        }
+        if self.images == 0 || self.images > MOST_IMAGES {
+            let value = self.images.to_string();
+            return Err(ScenesError::Recipe { field: "images", value, expected: "1 to 64" });
+        }
+        Ok(())
+    }
+
+    /// A sample of a scene.
+    pub(crate) fn of(&self, scene: &Scene) -> Result<Sample, ScenesError> {
+        let random = scene.random.fork("sample");
+        let shots = shots(&mut random.fork("shots"), self.images, self.recipe.frames);
+        let mut moments: Vec<usize> = shots.iter().map(|shot| shot.moment).collect();
+        moments.sort_unstable();
+        moments.dedup();
+        let seconds = |moment: usize| moment as f64 * scene.frame_seconds();
+        let states: Vec<Geometry> = moments.par_iter().map(|&moment| scene.geometry(seconds(moment))).collect();
+        let state = |moment: usize| &states[moments.partition_point(|&m| m < moment)];
+        let ends = [0, states.len() / 2, states.len() - 1].map(|k| (seconds(moments[k]), &states[k]));
+        let rigs = shots.iter().map(|shot| shot.rig + 1).max().unwrap_or(1);
+        let rigs = scene.rigs(&self.recipe, rigs, self.size, &ends)?;
+        let views: Vec<View> = shots.iter().map(|shot| rigs[shot.rig].at(seconds(shot.moment), self.size)).collect();
+        let hits: Vec<Vec<Option<Hit>>> =
+            shots.par_iter().zip(&views).map(|(shot, view)| hits(view, state(shot.moment))).collect();
+        let refused = |reason| scene.refused(1, reason);
+        let seen: Vec<_> = (0..shots.len()).map(|k| (&views[k], state(shots[k].moment), &*hits[k])).collect();
+        judge_overlap(&seen).map_err(refused)?;
+
+        let all: Vec<&Geometry> = states.iter().collect();
+        let (mut positions, mut moving) = (Vec::new(), Vec::new());
+        for (shot, hits) in shots.iter().zip(&hits) {
+            for shot in &shots {
+                let then = points(hits, state(shot.moment));
+                positions.extend(then.iter().map(|p| p.unwrap_or(DVec3::NAN).as_vec3().to_array()));
+            }
+            moving.extend(moves(hits, state(shot.moment), all.iter().copied()).into_iter().map(Flag::from));
+        }
+        let count = moving.iter().filter(|&&flag| flag == Flag::Yes).count() as f64;
+        if !scene.actors.is_empty() && count < self.recipe.least_motion * moving.len() as f64 {
+            return Err(refused(Refusal::Still));
+        }
+        let half = scene.half_shutter(&self.recipe);
+        let draw = |k: usize| {
+            let film = film(&mut random.fork("film").at(shots[k].rig), &self.recipe);
+            let then = half.map(|half| seconds(shots[k].moment) + half);
+            let moved = then.map(|then| (scene.geometry(then), rigs[shots[k].rig].at(then, self.size)));
+            let later = moved.as_ref().map(|(geometry, view)| Later { geometry, view: *view });
+            let noise = random.fork("noise").at(k).bits();
+            draw(scene, state(shots[k].moment), &views[k], &hits[k], later.as_ref(), &film, noise)
+        };
+        let images: Vec<Vec<u8>> = (0..shots.len()).into_par_iter().map(draw).collect();
+        images.iter().try_for_each(|image| judge_colours(image)).map_err(refused)?;
+
+        let mut visible = Vec::new();
+        if self.visibility {
+            for (source, own) in shots.iter().enumerate() {
+                for (time, shot) in shots.iter().enumerate() {
+                    let see = |hit: &Option<Hit>| match hit {
+                        None => Flag::Unknown,
+                        Some(hit) => {
+                            let outside = is_outside(&views[source], state(own.moment), hit);
+                            Flag::from(is_seen(&views[time], state(shot.moment), hit, outside))
+                        }
+                    };
+                    visible.par_extend(hits[source].par_iter().map(see));
+                }
+            }
+        }
+        let far = |hit: &Option<Hit>| hit.map_or(f32::NAN, |hit| hit.t as f32);
+        let parts = SampleParts {
+            size: self.size.map(|v| v as u32),
+            images: images.concat(),
+            times: shots.iter().map(|shot| shot.time(scene)).collect(),
+            cameras: views.iter().map(camera).collect(),
+            depth: Some(hits.iter().flatten().map(far).collect()),
+            moving: Some(moving),
+            motion: Motion::Dense(Dense { positions, visible: self.visibility.then_some(visible) }),
+            unit: Unit::Metre,
+        };
+        Ok(Sample::new(parts)?)
+    }
+}
+
+impl Shot {
+    fn time(self, scene: &Scene) -> Time {
+        let seconds = Some(self.moment as f64 * scene.frame_seconds());
+        Time { video: self.video, frame: self.frame, moment: self.moment as u32, seconds }
+    }
+}
+
+fn camera(view: &View) -> Camera {
+    Camera { extrinsics: view.extrinsics(), intrinsics: view.intrinsics() }
+}
+
+/// Images of one camera (7 of 10), of two cameras one after the other, or of several cameras at one time and then of one over time
+/// (`spec/omnix.md` 11.4).
+fn shots(random: &mut Random, count: usize, frames: usize) -> Vec<Shot> {
+    let step = random.count(1, 2).min((frames - 1) / count.max(1)).max(1);
+    let span = (count - 1) * step + 1;
+    let first = random.below(frames.saturating_sub(span) + 1);
+    let moment = |k: usize| (first + k * step).min(frames - 1);
+    let one = |k: usize| Shot { rig: 0, moment: moment(k), video: 0, frame: (k * step) as u32 };
+    if count < 3 {
+        return (0..count).map(one).collect();
+    }
+    match random.weighted(&[0.7, 0.15, 0.15]) {
+        0 => (0..count).map(one).collect(),
+        1 => {
+            let half = count.div_ceil(2);
+            let second = |k: usize| Shot { rig: 1, video: 1, frame: ((k - half) * step) as u32, ..one(k) };
+            (0..count).map(|k| if k < half { one(k) } else { second(k) }).collect()
+        }
+        _ => {
+            let photos = random.count(1, (count - 2).min(6));
+            let photo = |k: usize| Shot { rig: k + 1, moment: moment(0), video: k as u32, frame: 0 };
+            let video = |k: usize| Shot {
+                video: photos as u32,
+                frame: ((k - photos) * step) as u32,
+                moment: moment(k - photos),
+                rig: 0,
+            };
+            (0..count).map(|k| if k < photos { photo(k) } else { video(k) }).collect()
+        }
+    }
+}

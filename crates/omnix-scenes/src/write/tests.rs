@@ -1,0 +1,123 @@
+//! Scenes written, stopped, taken up again and read back.
+
+use super::*;
+
+fn job(out: &Path) -> Job {
+    Job {
+        recipe: Recipe { frames: 3, ..Recipe::default() },
+        photos: Vec::new(),
+        seed: 9,
+        scenes: 3,
+        cameras: 2,
+        size: [28, 16],
+        layout: Layout::Ue,
+        shard: [0, 1],
+        out: out.to_owned(),
+    }
+}
+
+/// Every file below a folder and its digest.
+fn tree(folder: &Path) -> BTreeMap<PathBuf, blake3::Hash> {
+    let mut all = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            all.extend(
+                tree(&path).into_iter().map(|(name, hash)| (Path::new(path.file_name().unwrap()).join(name), hash)),
+            );
+        } else {
+            all.insert(path.file_name().unwrap().into(), blake3::hash(&fs::read(&path).unwrap()));
+        }
+    }
+    all
+}
+
+#[test]
+fn stopped_sharded_and_repeated_runs_leave_the_same_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let (once, parts) = (folder.path().join("once"), folder.path().join("parts"));
+    job(&once).run(&|| false, |_| ()).unwrap();
+    // One scene, then a partial folder as a killed run leaves it, then the rest by shards.
+    let asked = std::cell::Cell::new(0);
+    // Before the first scene, its three frames, before the second scene; then within it.
+    let later = || asked.replace(asked.get() + 1) > 5;
+    assert!(matches!(job(&parts).run(&later, |_| ()), Err(ScenesError::Stopped)));
+    fs::create_dir(parts.join(".omnix-scene_000001.part")).unwrap();
+    let mut kept = Vec::new();
+    for shard in 0..2 {
+        let part = Job { shard: [shard, 2], ..job(&parts) };
+        part.run(&|| false, |done| kept.push((done.index, done.kept))).unwrap();
+    }
+    assert_eq!(kept, [(0, true), (2, false), (1, false)]);
+    for scene in ["scene_000000", "scene_000001", "scene_000002"] {
+        let (a, b) = (tree(&once.join(scene)), tree(&parts.join(scene)));
+        // 4 files for each of 6 images, 3 of vertices, faces, scene.json.
+        assert_eq!((a.len(), &a), (29, &b), "{scene}");
+    }
+    assert!(!parts.join(".omnix-scene_000001.part").exists());
+    let other = Job { seed: 10, ..job(&once) }.run(&|| false, |_| ()).unwrap_err();
+    assert!(matches!(other, ScenesError::OtherJob { .. }), "{other}");
+}
+
+#[test]
+fn both_layouts_are_read_back_as_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    for (layout, name) in [(Layout::Ue, "ue"), (Layout::Omnix, "omnix")] {
+        let job = Job { layout, scenes: 1, size: [56, 42], ..job(&folder.path().join(name)) };
+        let mut refused = BTreeMap::new();
+        let (scene, states, rigs, _) = job.chosen(0, &mut refused).unwrap();
+        job.run(&|| false, |_| ()).unwrap();
+        let read = omnix_data::sets::open(&job.out.join("scene_000000"), None).unwrap();
+        assert_eq!(read.videos().len(), 2, "{name}");
+        let picks: Vec<_> = (0..2)
+            .flat_map(|video| {
+                (0..3).map(move |frame| omnix_data::Pick {
+                    video,
+                    frame,
+                    as_video: video as u32,
+                    as_frame: frame as u32,
+                })
+            })
+            .collect();
+        let sample = omnix_data::read(&*read, &picks, &omnix_data::ReadOptions::default()).unwrap();
+        for (image, pick) in picks.iter().enumerate() {
+            let view = rigs[pick.video].at(pick.frame as f64 * scene.frame_seconds(), job.size);
+            let hits = hits(&view, &states[pick.frame]);
+            let moving = moves(&hits, &states[pick.frame], &states);
+            for pixel in 0..hits.len() {
+                let (depth, flag) = (sample.depth(image).unwrap()[pixel], sample.moving(image).unwrap()[pixel]);
+                match hits[pixel] {
+                    Some(hit) => {
+                        assert!((f64::from(depth) / hit.t - 1.0).abs() < 1e-6, "{name}: {depth} {}", hit.t)
+                    }
+                    None => assert!(depth.is_nan(), "{name}"),
+                }
+                assert_eq!(flag == omnix_data::Flag::Yes, moving[pixel], "{name}");
+            }
+            let pose = sample.cameras()[image].extrinsics;
+            let own = view.extrinsics();
+            let most = pose.iter().flatten().zip(own.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(most < 1e-5, "{name}: {most}");
+        }
+    }
+}
+
+#[test]
+fn a_folder_in_use_and_jobs_that_cannot_be_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = job(folder.path());
+    let lock = File::create(folder.path().join(".omnix-scenes-0-of-1.lock")).unwrap();
+    lock.lock().unwrap();
+    assert!(matches!(good.run(&|| false, |_| ()), Err(ScenesError::InUse { .. })));
+    for (bad, field) in [
+        (Job { size: [4, 16], ..good.clone() }, "size"),
+        (Job { cameras: 0, ..good.clone() }, "cameras"),
+        (Job { shard: [2, 2], ..good.clone() }, "shard"),
+        (Job { scenes: 1_000_001, ..good.clone() }, "scenes"),
+    ] {
+        assert!(bad.run(&|| false, |_| ()).unwrap_err().to_string().contains(field), "{field}");
+    }
+    let nowhere = Job { out: folder.path().join("file/below"), ..good };
+    fs::write(folder.path().join("file"), "").unwrap();
+    assert!(matches!(nowhere.run(&|| false, |_| ()), Err(ScenesError::Write { .. })));
+}
