@@ -63,7 +63,10 @@ pub(crate) fn folders() -> Vec<Folder> {
 fn descend(path: &Path, label: &str, depth: usize, out: &mut Vec<Folder>) {
     let folder = Folder { label: label.to_owned(), path: path.to_owned() };
     let tables = ["geometry", "raypose", "posembed", "preprocess", "resize"];
-    if !folder.cases().is_empty() || tables.iter().any(|t| folder.file(&format!("{t}.safetensors")).is_some()) {
+    if crate::eval::is_one(path)
+        || !folder.cases().is_empty()
+        || tables.iter().any(|t| folder.file(&format!("{t}.safetensors")).is_some())
+    {
         out.push(folder);
         return;
     }

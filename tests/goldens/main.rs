@@ -1,16 +1,18 @@
-//! The networks against recorded cases of the reference implementations: one line per case folder, its worst relative
-//! error, pass or fail. The program exits with 1 if any folder fails.
+//! The networks against recorded cases of the reference implementations, one line per case folder: its worst relative error, pass or
+//! fail. And the numbers of papers against those of published code, one line per case. The program exits with 1 if any line fails.
 //!
 //! Folders: the small copies in `tests/data/goldens`, everything in `../shared/golden` when it is there, and every
 //! case folder of the folders listed in `OMNIX_GOLDEN` (colon-separated).
 
 mod case;
 mod collect;
+mod eval;
 mod geometry;
 mod motion;
 mod network;
 mod preprocess;
 mod ready;
+mod training;
 
 use std::process::ExitCode;
 
@@ -31,30 +33,21 @@ pub(crate) enum Outcome {
 fn main() -> ExitCode {
     let filter: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     let folders = collect::folders();
-    let (mut passed, mut failed, mut skipped) = (0, 0, 0);
-    for folder in folders.iter().filter(|f| filter.is_empty() || filter.iter().any(|w| f.label.contains(w.as_str()))) {
-        match run(folder) {
-            Ok(Outcome::Compared(case::Comparison { tensors, worst, at, half, byte, failures })) => {
-                let verdict = if failures.is_empty() { "pass" } else { "FAIL" };
-                let with = |kind: &str, error: f64| {
-                    if error > 0.0 { format!("; with {kind} weights {error:.3e}") } else { String::new() }
-                };
-                let rest = with("f16", half) + &with("int8", byte);
-                let at = if at.is_empty() { at } else { format!(", worst {at}") };
-                println!("{:<40} {worst:.3e}  {verdict}  ({tensors} tensors{at}{rest})", folder.label);
-                failures.iter().take(12).for_each(|f| println!("    {f}"));
-                if failures.is_empty() { passed += 1 } else { failed += 1 }
-            }
-            Ok(Outcome::OutOfScope(why)) => {
-                println!("{:<40} -          skipped  ({why})", folder.label);
-                skipped += 1;
-            }
-            Err(error) => {
-                println!("{:<40} -          FAIL  ({error})", folder.label);
-                failed += 1;
-            }
+    let wanted = |label: &str| filter.is_empty() || filter.iter().any(|w| label.contains(w.as_str()));
+    let mut tally = Tally::default();
+    for folder in &folders {
+        if eval::is_one(&folder.path) {
+            // Its cases have lines of their own, which may be asked for by name.
+            let lines =
+                eval::run(&folder.path).into_iter().map(|(case, result)| (format!("{}/{case}", folder.label), result));
+            lines
+                .filter(|(label, _)| wanted(label))
+                .for_each(|(label, result)| tally.line(&label, result.map(Outcome::Compared)));
+        } else if wanted(&folder.label) {
+            tally.line(&folder.label, run(folder));
         }
     }
+    let Tally { passed, failed, skipped } = tally;
     let result = if failed == 0 { "ok" } else { "FAILED" };
     println!(
         "\ntest result: {result}. {passed} passed; {failed} failed; {skipped} ignored; 0 measured; 0 filtered out"
@@ -63,9 +56,48 @@ fn main() -> ExitCode {
     if failed == 0 && passed > 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
+/// How many lines there were of each kind.
+#[derive(Default)]
+struct Tally {
+    passed: usize,
+    failed: usize,
+    skipped: usize,
+}
+
+impl Tally {
+    /// Prints a line and counts it.
+    fn line(&mut self, label: &str, outcome: Result<Outcome, String>) {
+        match outcome {
+            Ok(Outcome::Compared(case::Comparison { tensors, worst, at, half, byte, failures })) => {
+                let verdict = if failures.is_empty() { "pass" } else { "FAIL" };
+                let with = |kind: &str, error: f64| {
+                    if error > 0.0 { format!("; with {kind} weights {error:.3e}") } else { String::new() }
+                };
+                let rest = with("f16", half) + &with("int8", byte);
+                let at = if at.is_empty() { at } else { format!(", worst {at}") };
+                println!("{label:<40} {worst:.3e}  {verdict}  ({tensors} tensors{at}{rest})");
+                failures.iter().take(12).for_each(|f| println!("    {f}"));
+                if failures.is_empty() { self.passed += 1 } else { self.failed += 1 }
+            }
+            Ok(Outcome::OutOfScope(why)) => {
+                println!("{label:<40} -          skipped  ({why})");
+                self.skipped += 1;
+            }
+            Err(error) => {
+                println!("{label:<40} -          FAIL  ({error})");
+                self.failed += 1;
+            }
+        }
+    }
+}
+
 /// Everything in one folder: networks, then the tables and pictures beside them.
 fn run(folder: &Folder) -> Result<Outcome, String> {
     let mut total = case::Comparison::default();
+    if folder.file("losses.json").is_some() && !folder.cases().is_empty() {
+        training::run(folder, &mut total)?;
+        return Ok(Outcome::Compared(total));
+    }
     if let Some(reason) = network::run(folder, &LIMITS, &mut total)? {
         return Ok(Outcome::OutOfScope(reason));
     }
