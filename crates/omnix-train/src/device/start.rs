@@ -1,0 +1,84 @@
+//! From a recipe and its folder to a step that is ready on a device.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use omnix_graph::ParameterSource;
+use omnix_kernels::{Caps, Gpu};
+use omnix_model::{Network, PATCH, Parts, manifest};
+
+use super::plan::StepPlan;
+use super::size::Size;
+use super::step::DeviceStep;
+use super::update::Optimiser;
+use crate::TrainError;
+use crate::config::Recipe;
+use crate::init::StartValues;
+use crate::interface::{Part, Step as _};
+use crate::session::Session;
+
+/// Plans the steps that a recipe asks for. No device is needed. `budget` takes the place of the recipe's own.
+///
+/// # Errors
+/// Sizes that are no multiples of a patch; what [`StepPlan::new`] refuses.
+pub fn planned(recipe: &Recipe, caps: &Caps, budget: Option<u64>) -> Result<StepPlan, TrainError> {
+    let config = &recipe.config;
+    let [width, height] = config.sample.size.map(|side| side as usize);
+    if !width.is_multiple_of(PATCH) || !height.is_multiple_of(PATCH) || width * height == 0 {
+        return Err(TrainError::contradiction("sample.size", "both sides are multiples of 14"));
+    }
+    let size = Size { images: config.sample.images as usize, grid: (height / PATCH, width / PATCH) };
+    let budget = match budget {
+        Some(bytes) => Some(bytes),
+        None => config.budget_bytes()?,
+    };
+    StepPlan::new(&Network::new(recipe.network.clone()), size, &config.loss, &config.group, (caps, budget))
+}
+
+/// Makes a session's step ready with its start values: random ones, or those of a checkpoint.
+///
+/// # Errors
+/// As [`planned`]; a checkpoint that cannot be read, and failures of the device.
+pub fn ready(session: &Session, gpu: &Gpu, budget: Option<u64>) -> Result<DeviceStep, TrainError> {
+    let recipe = session.recipe();
+    let config = &recipe.config;
+    let plan = planned(recipe, &gpu.caps, budget)?;
+    let set = &config.optimiser;
+    let optimiser = Optimiser {
+        betas: set.betas,
+        eps: set.eps as f32,
+        max_norm: if set.clip > 0.0 { set.clip as f32 } else { f32::INFINITY },
+        accumulate: set.accumulate,
+    };
+    let expected = manifest(&recipe.network, &Parts::default());
+    let shapes = expected.expected().iter().map(|t| (t.name.clone(), t.shape.clone())).collect();
+    let source = Started { values: session.start_values()?, shapes };
+    let layout = plan.layout.clone();
+    let mut start: Vec<Vec<f32>> = layout.arenas.iter().map(|arena| vec![0.0; arena.range.len()]).collect();
+    for slot in &layout.slots {
+        let values = source.values.tensor(&slot.name, &slot.shape)?;
+        let from = slot.range.start - layout.arenas[slot.arena].range.start;
+        start[slot.arena][from..from + values.len()].copy_from_slice(&values);
+    }
+    let mut step = DeviceStep::new(gpu, plan, optimiser, config.averaged(), Box::new(source))?;
+    for (index, numbers) in start.into_iter().enumerate() {
+        step.write(Part::Weights, index, &numbers).map_err(TrainError::Step)?;
+        if config.averaged() {
+            step.write(Part::Average, index, &numbers).map_err(TrainError::Step)?;
+        }
+    }
+    Ok(step)
+}
+
+/// Start values as parameters of plans: of tensors that stay as they are.
+struct Started {
+    values: StartValues,
+    shapes: BTreeMap<String, Vec<usize>>,
+}
+
+impl ParameterSource for Started {
+    fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>> {
+        let shape = self.shapes.get(name).ok_or_else(|| format!("BUG: the network has no tensor `{name}`"))?;
+        Ok(Cow::Owned(self.values.tensor(name, shape)?))
+    }
+}

@@ -1,0 +1,275 @@
+//! The step itself: plans and lists on a device, driven through the trait [`Step`].
+
+use std::ops::ControlFlow;
+
+use omnix_data::Sample;
+use omnix_graph::{Executable, GraphError, ParameterSource, WeightStore};
+use omnix_io::Picture;
+use omnix_io::preprocess::normalise;
+use omnix_kernels::{Gpu, adamw, readback};
+
+use super::plan::{LOSSES, StepPlan};
+use super::state::{List, gradients_of, weights_of};
+use super::targets;
+use super::update::{self, CLIP, Lists, Optimiser, SHARES};
+use crate::TrainError;
+use crate::error::StepError;
+use crate::groups::Layout;
+use crate::interface::{LossValues, Part, Step, Update};
+
+/// A network in training on a device.
+pub struct DeviceStep {
+    gpu: Gpu,
+    plan: StepPlan,
+    optimiser: Optimiser,
+    /// Tensors that stay as they are.
+    source: Box<dyn ParameterSource + Send>,
+    train: Executable,
+    forward: Executable,
+    averaged: Option<Executable>,
+    update: Executable,
+    /// Where gradients of several samples are added up: how, and which list has those of the sample at hand.
+    accumulate: Option<(Executable, List)>,
+    lists: State,
+    /// Samples since the last update.
+    samples: u32,
+}
+
+/// The lists that outlive a step.
+struct State {
+    weights: List,
+    first: List,
+    second: List,
+    /// Of all samples since the last update.
+    gradients: List,
+    average: Option<List>,
+}
+
+impl std::fmt::Debug for DeviceStep {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("DeviceStep").field("size", &self.plan.size).finish_non_exhaustive()
+    }
+}
+
+impl DeviceStep {
+    /// Makes a planned step ready, with all trained numbers 0: [`Step::write`] gives them their values. `source` has the tensors that stay
+    /// as they are.
+    ///
+    /// # Errors
+    /// When memory runs out, a tensor cannot be read or a pipeline cannot be made.
+    pub fn new(
+        gpu: &Gpu,
+        plan: StepPlan,
+        optimiser: Optimiser,
+        average: bool,
+        source: Box<dyn ParameterSource + Send>,
+    ) -> Result<Self, TrainError> {
+        let list = |what: &str| List::new(gpu, &plan.layout, what).map_err(GraphError::from);
+        let lists = State {
+            weights: list("weights")?,
+            first: list("first moments")?,
+            second: list("second moments")?,
+            gradients: list("gradients")?,
+            average: if average { Some(list("average weights")?) } else { None },
+        };
+        let parts = if optimiser.accumulate > 1 { Some(list("gradients of a sample")?) } else { None };
+        let go = &mut |_, _| ControlFlow::Continue(());
+        let keys: Vec<_> = plan.train.weights.iter().chain(&plan.forward.weights).cloned().collect();
+        let store = WeightStore::load(gpu, &*source, &keys, go)?;
+        let mut bindings = weights_of(&plan.layout, &lists.weights);
+        let forward = Executable::new(gpu, plan.forward.clone(), &store, &bindings)?;
+        bindings.extend(gradients_of(&plan.layout, parts.as_ref().unwrap_or(&lists.gradients)));
+        let train = Executable::new(gpu, plan.train.clone(), &store, &bindings)?;
+        let averaged = match &lists.average {
+            Some(average) => {
+                Some(Executable::new(gpu, plan.forward.clone(), &store, &weights_of(&plan.layout, average))?)
+            }
+            None => None,
+        };
+        let update = update::update(
+            gpu,
+            &plan.layout,
+            &optimiser,
+            &Lists {
+                weights: &lists.weights,
+                first: &lists.first,
+                second: &lists.second,
+                gradients: &lists.gradients,
+                average: lists.average.as_ref(),
+            },
+        )?;
+        let accumulate = match parts {
+            Some(parts) => Some((update::accumulate(gpu, &plan.layout, &lists.gradients, &parts)?, parts)),
+            None => None,
+        };
+        let gpu = gpu.clone();
+        Ok(Self { gpu, plan, optimiser, source, train, forward, averaged, update, accumulate, lists, samples: 0 })
+    }
+
+    /// The numbers of every input for a sample.
+    ///
+    /// # Errors
+    /// A sample of another size than was planned for.
+    pub fn inputs(&self, sample: &Sample) -> Result<Vec<(String, Vec<f32>)>, TrainError> {
+        let [rows, columns] = self.plan.size.pixels();
+        let size = [columns as u32, rows as u32];
+        if sample.count() != self.plan.size.images || sample.size() != size {
+            return Err(TrainError::OtherSize {
+                images: sample.count(),
+                size: sample.size(),
+                expected_images: self.plan.size.images,
+                expected: size,
+            });
+        }
+        let plane = 3 * rows * columns;
+        let mut pixels = vec![0.0; plane * sample.count()];
+        for (image, place) in pixels.chunks_exact_mut(plane).enumerate() {
+            normalise(&Picture::new(size[0], size[1], sample.image(image).to_vec()), place);
+        }
+        let times: Vec<(u32, u32)> = sample.times().iter().map(|time| (time.video, time.frame)).collect();
+        let codes = self.plan.codes.iter().map(|code| (code.name.clone(), code.of(&times)));
+        let targets = targets::of(sample, self.plan.moves)?;
+        let targets = targets.into_iter().map(|(name, numbers)| (name.to_owned(), numbers));
+        Ok(codes.chain(targets).chain([("images".to_owned(), pixels)]).collect())
+    }
+
+    /// [`Step::train`] with inputs that the caller has made: for hosts with targets of their own.
+    ///
+    /// # Errors
+    /// Inputs of the wrong length, or a failure of the device.
+    pub fn train_on(&mut self, inputs: &[(String, Vec<f32>)]) -> Result<LossValues, TrainError> {
+        let losses = self.run(&self.train, inputs)?;
+        if let Some((accumulate, _)) = &self.accumulate {
+            let before = if self.samples == 0 { 0.0 } else { 1.0 };
+            accumulate.write(SHARES, &[before, 1.0])?;
+            accumulate.run(&mut |_, _| ControlFlow::Continue(()))?;
+        }
+        self.samples += 1;
+        Ok(losses)
+    }
+
+    /// The gradient of a trained tensor, of all samples since the last update.
+    ///
+    /// # Errors
+    /// When no tensor of this name is trained, or the device fails.
+    pub fn gradient(&self, tensor: &str) -> Result<Vec<f32>, TrainError> {
+        self.tensor(&self.lists.gradients, tensor)
+    }
+
+    /// A trained tensor.
+    ///
+    /// # Errors
+    /// As [`DeviceStep::gradient`].
+    pub fn weights(&self, tensor: &str) -> Result<Vec<f32>, TrainError> {
+        self.tensor(&self.lists.weights, tensor)
+    }
+
+    fn tensor(&self, list: &List, tensor: &str) -> Result<Vec<f32>, TrainError> {
+        let slot = self.plan.layout.slots.iter().find(|slot| slot.name == tensor);
+        let slot = slot.ok_or_else(|| GraphError::NoSuchValue { name: tensor.to_owned() })?;
+        Ok(readback::read(&self.gpu, &list.tensor(&self.plan.layout, slot)).map_err(GraphError::from)?)
+    }
+
+    /// Writes the inputs of a plan and runs it.
+    fn run(&self, plan: &Executable, inputs: &[(String, Vec<f32>)]) -> Result<LossValues, TrainError> {
+        for (name, numbers) in inputs {
+            match plan.write(name, numbers) {
+                // What no term of the objective looks at is no input.
+                Err(GraphError::NoSuchValue { .. }) => {}
+                written => written?,
+            }
+        }
+        plan.run(&mut |_, _| ControlFlow::Continue(()))?;
+        let numbers = plan.read(LOSSES)?;
+        let named = || self.plan.losses.iter().zip(&numbers).map(|(name, value)| (name.as_str(), f64::from(*value)));
+        // How many entries counted is no loss.
+        let terms = named().filter(|(name, _)| !name.ends_with(".entries"));
+        let terms = terms.filter_map(|(name, value)| Some((name.strip_prefix("loss.")?.to_owned(), value)));
+        let total = named().find(|(name, _)| *name == "loss.total").map_or(f64::NAN, |(_, value)| value);
+        Ok(LossValues { total, terms: terms.filter(|(name, _)| name != "total").collect() })
+    }
+
+    fn list(&self, part: Part) -> Result<&List, TrainError> {
+        match part {
+            Part::Weights => Ok(&self.lists.weights),
+            Part::First => Ok(&self.lists.first),
+            Part::Second => Ok(&self.lists.second),
+            Part::Average => self.lists.average.as_ref().ok_or_else(|| {
+                TrainError::contradiction("optimiser.average", "no average of the weights is kept: set a share above 0")
+            }),
+        }
+    }
+
+    /// The first tensor with a number that is NaN or infinite in a list.
+    fn bad_tensor(&self, list: &List) -> Option<String> {
+        for (index, arena) in self.plan.layout.arenas.iter().enumerate() {
+            let numbers = list.read(&self.gpu, index).ok()?;
+            if let Some(at) = numbers.iter().position(|v| !v.is_finite()) {
+                let at = arena.range.start + at;
+                return self.plan.layout.slots.iter().find(|slot| slot.range.contains(&at)).map(|s| s.name.clone());
+            }
+        }
+        None
+    }
+}
+
+impl Step for DeviceStep {
+    fn layout(&self) -> &Layout {
+        &self.plan.layout
+    }
+
+    fn train(&mut self, sample: &Sample, _number: u64) -> Result<LossValues, StepError> {
+        let inputs = self.inputs(sample)?;
+        Ok(self.train_on(&inputs)?)
+    }
+
+    fn validate(&mut self, sample: &Sample, averaged: bool) -> Result<LossValues, StepError> {
+        let plan = if averaged { self.averaged.as_ref() } else { None };
+        Ok(self.run(plan.unwrap_or(&self.forward), &self.inputs(sample)?)?)
+    }
+
+    fn apply(&mut self, update: &Update) -> Result<f64, StepError> {
+        if update.samples != self.samples || update.samples != self.optimiser.accumulate {
+            let (samples, planned) = (self.samples, self.optimiser.accumulate);
+            let reason =
+                format!("BUG: an update after {samples} samples, of {}, planned for {planned}", update.samples);
+            return Err(reason.into());
+        }
+        let adamw = adamw::AdamW { n: 0, betas: self.optimiser.betas, eps: self.optimiser.eps, scale: 1.0, clip: true };
+        for (group, (rate, decay)) in update.rates.iter().zip(&update.decays).enumerate() {
+            match self.update.write(&update::rates(group), &adamw.rates(update.step, *rate, *decay)) {
+                // A group without trained tensors.
+                Err(GraphError::NoSuchValue { .. }) => {}
+                written => written?,
+            }
+        }
+        if let Some(keep) = update.average {
+            self.update.write(SHARES, &[keep as f32, (1.0 - keep) as f32])?;
+        }
+        self.update.run(&mut |_, _| ControlFlow::Continue(()))?;
+        self.samples = 0;
+        let clip = self.update.read(CLIP)?;
+        Ok(clip.get(1).map_or(f64::NAN, |norm| f64::from(*norm)))
+    }
+
+    fn not_finite(&mut self) -> Option<String> {
+        let gradients = self.accumulate.as_ref().map_or(&self.lists.gradients, |(_, parts)| parts);
+        self.bad_tensor(&self.lists.weights).or_else(|| self.bad_tensor(gradients))
+    }
+
+    fn read(&mut self, part: Part, arena: usize) -> Result<Vec<f32>, StepError> {
+        Ok(self.list(part)?.read(&self.gpu, arena)?)
+    }
+
+    fn write(&mut self, part: Part, arena: usize, numbers: &[f32]) -> Result<(), StepError> {
+        let expected = self.plan.layout.arenas[arena].range.len();
+        if numbers.len() != expected {
+            return Err(TrainError::Length { what: "an arena", expected, got: numbers.len() }.into());
+        }
+        Ok(self.list(part)?.write(&self.gpu, arena, numbers)?)
+    }
+
+    fn fixed(&mut self, name: &str) -> Result<Vec<f32>, StepError> {
+        Ok(self.source.read(name)?.into_owned())
+    }
+}
