@@ -6,7 +6,9 @@ mod bad_input;
 mod bad_weights;
 mod commands;
 mod common;
+mod data;
 mod device_lost;
+mod eval;
 mod hand_out;
 mod happy;
 #[cfg(unix)]
@@ -14,4 +16,6 @@ mod interrupted;
 mod limits;
 mod messages;
 mod motion;
+mod scenes;
 mod surroundings;
+mod train;

@@ -229,7 +229,7 @@ fn percentile(text: &str) -> Result<f32, String> {
     text.parse::<f32>().ok().filter(|p| (0.0..=100.0).contains(p)).ok_or_else(|| "a number from 0 to 100".to_owned())
 }
 
-fn size(text: &str) -> Result<(u32, u32), String> {
+pub(crate) fn size(text: &str) -> Result<(u32, u32), String> {
     let (w, h) = text.split_once(['x', 'X', '×']).ok_or("width and height, such as 504x280")?;
     let side = |text: &str| text.trim().parse::<u32>().ok().filter(|s| (14..=8192).contains(s) && s.is_multiple_of(14));
     let (Some(width), Some(height)) = (side(w), side(h)) else {

@@ -6,6 +6,10 @@ use omnix::OmnixError;
 use omnix::graph::GraphError;
 use omnix::io::IoError;
 use omnix::kernels::KernelError;
+use omnix_data::DataError;
+use omnix_eval::EvalError;
+use omnix_scenes::ScenesError;
+use omnix_train::TrainError;
 
 use crate::bytes;
 
@@ -27,6 +31,23 @@ pub(crate) enum CliError {
     /// From the engine or the files.
     #[error(transparent)]
     Omnix(OmnixError),
+    /// From training.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// A training that was asked to stop.
+    #[error("interrupted after step {step}; the same command goes on from there: {}", out.display())]
+    TrainingInterrupted {
+        /// Steps done.
+        step: u64,
+        /// The folder with the checkpoint.
+        out: PathBuf,
+    },
+    /// From an evaluation.
+    #[error(transparent)]
+    Eval(#[from] EvalError),
+    /// From scenes.
+    #[error(transparent)]
+    Scenes(#[from] ScenesError),
     /// Options that do not go together, found after parsing.
     #[error("{0}")]
     Usage(String),
@@ -112,6 +133,25 @@ pub(crate) enum CliError {
         problems: usize,
         /// What was checked.
         path: String,
+    },
+    /// From a data set.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// `data check` found something.
+    #[error("{scenes} scene(s) with problems, or that cannot be read, as said above: {}", path.display())]
+    BadData {
+        /// Their number.
+        scenes: usize,
+        /// What was checked.
+        path: PathBuf,
+    },
+    /// Ctrl-C between the scenes of a data set.
+    #[error("interrupted: {looked_at} of {scenes} scenes were checked")]
+    CheckInterrupted {
+        /// Scenes that were checked.
+        looked_at: usize,
+        /// Scenes in all.
+        scenes: usize,
     },
     /// Writing to standard output failed.
     #[error("cannot write to standard output")]
@@ -209,12 +249,18 @@ impl CliError {
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Omnix(error) => library_code(error),
-            Self::Usage(_) | Self::ResultsAsInputs { .. } => 2,
+            Self::Train(error) => training_code(error),
+            Self::TrainingInterrupted { .. } => 130,
+            Self::Scenes(error) => scenes_code(error),
             Self::Threads(_) => 1,
-            Self::TinyPicture { .. } | Self::BadWeights { .. } => 3,
+            Self::Data(error) => data_code(error),
+            Self::Eval(EvalError::Parameter { .. }) | Self::Usage(_) | Self::ResultsAsInputs { .. } => 2,
+            Self::Eval(EvalError::Write { .. }) => 6,
+            Self::Eval(EvalError::TooLarge { .. }) => 5,
+            Self::Eval(_) | Self::TinyPicture { .. } | Self::BadWeights { .. } | Self::BadData { .. } => 3,
             Self::TooLarge { .. } | Self::TensorTooLarge { .. } | Self::TooMuch { .. } | Self::LargePicture { .. } => 5,
             Self::Stdout(_) | Self::File { .. } | Self::DiskSpace { .. } | Self::FileLimit { .. } => 6,
-            Self::Interrupted { .. } | Self::MotionInterrupted { .. } => 130,
+            Self::Interrupted { .. } | Self::MotionInterrupted { .. } | Self::CheckInterrupted { .. } => 130,
         }
     }
 
@@ -224,6 +270,8 @@ impl CliError {
             Self::Omnix(error) | Self::TooLarge { source: error, .. } => library_cure(error),
             Self::TensorTooLarge { .. } => Some(SMALLER),
             Self::ResultsAsInputs { .. } => Some(OTHER_FOLDER),
+            Self::Data(DataError::UnknownSet { .. }) => Some("--set names the data set"),
+            Self::Data(DataError::TooLarge { .. }) => Some("--images takes fewer images of each scene"),
             _ => None,
         }
     }
@@ -267,6 +315,29 @@ fn library_cure(error: &OmnixError) -> Option<&'static str> {
     }
 }
 
+fn training_code(error: &TrainError) -> u8 {
+    match error {
+        TrainError::Contradiction { .. } | TrainError::NoGroup { .. } | TrainError::BadLoss { .. } => 2,
+        TrainError::Graph(GraphError::Budget { .. } | GraphError::TensorTooLarge { .. })
+        | TrainError::TensorTooLarge { .. } => 5,
+        TrainError::Folder(error) => file_code(error),
+        TrainError::Write { .. } => 6,
+        TrainError::Step(_) | TrainError::NotFinite { .. } | TrainError::StateNotFinite { .. } => 1,
+        TrainError::Graph(_) => 1,
+        _ => 3,
+    }
+}
+
+fn scenes_code(error: &ScenesError) -> u8 {
+    match error {
+        ScenesError::Recipe { .. } | ScenesError::Parse(_) => 2,
+        ScenesError::Texture { .. } | ScenesError::Read { .. } | ScenesError::OtherJob { .. } => 3,
+        ScenesError::Write { .. } | ScenesError::InUse { .. } => 6,
+        ScenesError::Stopped => 130,
+        _ => 1,
+    }
+}
+
 fn library_code(error: &OmnixError) -> u8 {
     match error {
         OmnixError::Kernel(kernel) | OmnixError::Graph(GraphError::Kernel(kernel)) => match kernel {
@@ -285,6 +356,15 @@ fn library_code(error: &OmnixError) -> u8 {
         OmnixError::Request { .. } | OmnixError::NoMotion { .. } | OmnixError::Query { .. } => 2,
         OmnixError::Interrupted => 130,
         _ => 1,
+    }
+}
+
+fn data_code(error: &DataError) -> u8 {
+    match error {
+        DataError::Picture(error) => file_code(error),
+        DataError::TooLarge { .. } => 5,
+        DataError::Write { .. } => 6,
+        _ => 3,
     }
 }
 

@@ -28,6 +28,11 @@ pub(crate) fn keep_results() {
     KEEPS_RESULTS.store(true, Ordering::SeqCst);
 }
 
+/// Set when a run was asked to stop.
+pub(crate) fn flag() -> &'static AtomicBool {
+    &ASKED
+}
+
 /// Whether a run was asked to stop.
 pub(crate) fn asked() -> bool {
     ASKED.load(Ordering::SeqCst)

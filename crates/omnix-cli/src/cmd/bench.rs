@@ -174,7 +174,7 @@ fn kernels(table: &mut Table<'_>, gpu: &Gpu, quick: bool) -> Result<(), CliError
     }
     for images in [1, 4] {
         let keys = 721 * images;
-        let spec = Attention { groups: 1, heads: 6, head_dim: 64, nq: keys, nk: keys };
+        let spec = Attention { groups: 1, heads: 6, head_dim: 64, nq: keys, nk: keys, keep_state: false };
         let (q, kv) = (numbers(spec.q_words() as u32), numbers(spec.kv_words() as u32));
         let state = HostArg::Out((spec.state_bytes(&gpu.caps) / 4) as usize);
         let args =

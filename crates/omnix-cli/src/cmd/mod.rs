@@ -2,10 +2,14 @@
 
 pub(crate) mod bench;
 pub(crate) mod completions;
+pub(crate) mod data;
 pub(crate) mod devices;
+pub(crate) mod eval;
 pub(crate) mod plan;
 pub(crate) mod query;
 pub(crate) mod reconstruct;
+pub(crate) mod scenes;
+pub(crate) mod train;
 pub(crate) mod weights;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
@@ -36,11 +40,21 @@ pub(crate) enum Command {
     Query(query::QueryArgs),
     /// What a run would take: memory, operations, chunks and files. Needs no GPU.
     Plan(plan::PlanArgs),
+    /// Trains a network on made scenes, with gradients, optimiser and checkpoints of this program's own.
+    Train(train::TrainArgs),
     /// The devices of this machine: which will do, which not, and why.
     Devices(devices::DevicesArgs),
+    /// Predictions against truth, by the numbers of papers: depth, camera poses, point tracks. Needs no GPU.
+    #[command(subcommand)]
+    Eval(eval::EvalCommand),
+    /// Makes dynamic scenes from a seed: pictures with exact depth, cameras, masks and meshes. Needs no GPU.
+    Scenes(scenes::ScenesArgs),
     /// Looks into checkpoints.
     #[command(subcommand)]
     Weights(weights::WeightsCommand),
+    /// Looks into data sets for training and evaluation.
+    #[command(subcommand)]
+    Data(data::DataCommand),
     /// Completions of commands and options for a shell, on standard output.
     Completions(completions::CompletionsArgs),
     /// Times the kernels and the small network, beside what the device can do at best.
@@ -54,9 +68,13 @@ impl Command {
             Self::Reconstruct(args) => args.run.json,
             Self::Query(args) => args.json,
             Self::Plan(args) => args.run.json,
+            Self::Train(args) => args.json,
             Self::Devices(args) => args.json,
+            Self::Scenes(args) => args.json,
             Self::Weights(command) => command.json(),
-            Self::Completions(_) => false,
+            Self::Data(command) => command.json(),
+            // Its `--json` names a file.
+            Self::Completions(_) | Self::Eval(_) => false,
             Self::Bench(args) => args.json,
         }
     }
@@ -68,8 +86,12 @@ pub(crate) fn run(command: Command, ui: &mut Ui) -> Result<(), CliError> {
         Command::Reconstruct(args) => reconstruct::run(&args, ui),
         Command::Query(args) => query::run(&args, ui),
         Command::Plan(args) => plan::run(&args, ui),
+        Command::Train(args) => train::run(&args, ui),
         Command::Devices(args) => devices::run(&args, ui),
+        Command::Eval(command) => eval::run(&command, ui),
+        Command::Scenes(args) => scenes::run(&args, ui),
         Command::Weights(command) => weights::run(&command, ui),
+        Command::Data(command) => data::run(&command, ui),
         Command::Completions(args) => completions::run(&args, Cli::command()),
         Command::Bench(args) => bench::run(&args, ui),
     }

@@ -1,0 +1,146 @@
+//! `omnix train`: a network from a configuration, data and a device, until a number of steps is done.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use omnix_train::device::{planned, ready};
+use omnix_train::{Event, LossValues, RunOptions, Session, read_config};
+use serde_json::{Map, Value, json};
+
+use crate::args::DeviceArgs;
+use crate::bytes;
+use crate::error::CliError;
+use crate::stop;
+use crate::ui::Ui;
+
+/// Arguments of `omnix train`.
+#[derive(Debug, Args)]
+pub(crate) struct TrainArgs {
+    /// The configuration, such as recipes/smoke.toml, where every key is explained.
+    #[arg(value_name = "CONFIG.toml")]
+    config: PathBuf,
+    /// Where checkpoints, figures and curves go. A run goes on from the checkpoint that it finds there.
+    #[arg(long, value_name = "DIR", default_value = "out/train")]
+    out: PathBuf,
+    /// Steps in all, those of a checkpoint included. [default: the configuration's]
+    #[arg(long, value_name = "N")]
+    steps: Option<u64>,
+    /// Seed of start values and of the order of data. [default: the configuration's]
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Device memory that a step may take, such as 4GiB. [default: the configuration's, else no bound]
+    #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
+    memory_budget: Option<u64>,
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// One JSON object a line on standard output, nothing for people.
+    ///
+    /// Its `event` is one of: note {message}; plan {images, image_size, bytes, flops, forward_flops, trained}; device {..};
+    /// continued {step}; step {step, of, losses, norm, rates, seconds, left_s}; validated {step, losses, best}; saved {step};
+    /// save_failed {message}; trained {step, stopped, best}; error {..}.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Trains.
+pub(crate) fn run(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
+    let mut recipe = read_config(&args.config)?;
+    if let Some(seed) = args.seed {
+        recipe.config.seed = seed;
+    }
+    let until = args.steps.unwrap_or(recipe.config.steps);
+    let engine = args.device.open()?;
+    let plan = planned(&recipe, engine.caps(), args.memory_budget)?;
+    // Sums of gradients over samples, and the average of the weights.
+    let more = u64::from(recipe.config.optimiser.accumulate > 1) + u64::from(recipe.config.averaged());
+    let (bytes, flops) = (plan.bytes(more), plan.flops());
+    ui.event(
+        "plan",
+        json!({
+            "images": recipe.config.sample.images, "image_size": recipe.config.sample.size, "bytes": bytes, "flops": flops,
+            "forward_flops": plan.forward_flops(), "trained": plan.trained(),
+        }),
+    );
+    let info = engine.info();
+    ui.event("device", serde_json::to_value(&info).unwrap_or_default());
+    ui.say(&format!(
+        "{}: {:.2} M numbers are trained; a step takes {} and {:.1} GFLOP on {}",
+        recipe.network.name,
+        plan.trained() as f64 / 1e6,
+        bytes::show(bytes),
+        flops as f64 / 1e9,
+        info.name
+    ));
+    drop(plan);
+    stop::keep_results();
+    let mut session = Session::open(recipe, &args.out)?;
+    let mut step = ready(&session, engine.gpu(), args.memory_budget)?;
+    let threads = std::thread::available_parallelism().map_or(1, |n| n.get().div_ceil(2));
+    let options = RunOptions { until, threads, stop: stop::flag() };
+    let outcome = omnix_train::run(&mut session, &mut step, options, &mut |event| tell(event, ui))?;
+    let best = outcome.best.as_ref().map(|best| json!({ "step": best.step, "loss": best.figure }));
+    ui.event("trained", json!({ "step": outcome.step, "stopped": outcome.stopped, "best": best }));
+    let done = if outcome.stopped { "stopped after" } else { "done:" };
+    ui.say(&format!("{done} step {} in {}", outcome.step, args.out.display()));
+    if outcome.stopped {
+        Err(CliError::TrainingInterrupted { step: outcome.step, out: args.out.clone() })
+    } else {
+        Ok(())
+    }
+}
+
+fn tell(event: &Event<'_>, ui: &mut Ui) {
+    match event {
+        Event::Continued { step } => {
+            ui.event("continued", json!({ "step": step }));
+            ui.say(&format!("going on from step {step}"));
+        }
+        Event::Note(text) => ui.note(text),
+        Event::Step { figures, of, left } => {
+            ui.event(
+                "step",
+                json!({
+                    "step": figures.step, "of": of, "losses": losses(&figures.losses), "norm": figures.norm,
+                    "rates": figures.rates, "seconds": figures.seconds, "left_s": left.as_secs_f64(),
+                }),
+            );
+            // Every step of a short run, every tenth of a long one.
+            if *of <= 100 || figures.step.is_multiple_of(10) || figures.step == *of {
+                ui.say(&format!(
+                    "step {}/{of}  loss {:.4}  norm {:.3}  {:.2} s  {} left",
+                    figures.step,
+                    figures.losses.total,
+                    figures.norm,
+                    figures.seconds,
+                    clock(left.as_secs())
+                ));
+            }
+        }
+        Event::Validated { step, losses: found, best } => {
+            ui.event("validated", json!({ "step": step, "losses": losses(found), "best": best }));
+            ui.say(&format!(
+                "step {step}: validation loss {:.4}{}",
+                found.total,
+                if *best { ", the best so far" } else { "" }
+            ));
+        }
+        Event::Saved { step } => ui.event("saved", json!({ "step": step })),
+        Event::SaveFailed { error } => {
+            ui.event("save_failed", json!({ "message": error.to_string() }));
+            ui.note(&format!("the checkpoint could not be written, the former one is as it was: {error}"));
+        }
+        _ => {}
+    }
+}
+
+fn losses(found: &LossValues) -> Value {
+    let mut all: Map<String, Value> = found.terms.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
+    all.insert("total".to_owned(), json!(found.total));
+    Value::Object(all)
+}
+
+/// Hours, minutes and seconds.
+fn clock(seconds: u64) -> String {
+    let (hours, minutes, seconds) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
+    if hours > 0 { format!("{hours}:{minutes:02}:{seconds:02}") } else { format!("{minutes}:{seconds:02}") }
+}

@@ -1,0 +1,115 @@
+//! `omnix eval`: published numbers through the command, our own output against itself, and what cannot be evaluated.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::common::{Ran, folder, json, omnix, reconstruct, root};
+
+fn goldens() -> PathBuf {
+    root().join("tests/data/goldens/eval")
+}
+
+fn eval(kind: &str, pred: &Path, truth: &Path, more: &[&str]) -> Ran {
+    let (pred, truth) = (pred.to_str().unwrap(), truth.to_str().unwrap());
+    omnix(&[&["eval", kind, "--pred", pred, "--truth", truth][..], more].concat())
+}
+
+/// The values of a row of means.
+#[track_caller]
+fn mean<'a>(report: &'a Value, name: &str) -> &'a Value {
+    let rows = report["means"].as_array().unwrap();
+    &rows.iter().find(|row| row["name"] == name).unwrap_or_else(|| panic!("no {name} in {rows:?}"))["values"]
+}
+
+#[test]
+fn tapvid3d_gives_the_published_numbers_and_its_files() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("r.json");
+    let source = goldens().join("tapvid3d_files/adt");
+    let more = ["--scaling", "median", "--scaling", "reproduce2d", "--json", out.to_str().unwrap()];
+    let ran = eval("tapvid3d", &source.join("pred"), &source.join("gt"), &more).ok();
+    assert!(ran.out.contains("gt: whole sequences, median") && ran.err.contains("r.md"), "{}{}", ran.out, ran.err);
+    let want = &json(&goldens().join("tapvid3d_files/expected.json"))["sources"]["adt"]["mean_over_files"];
+    let report = json(&out);
+    for scaling in ["median", "reproduce_2d"] {
+        let got = mean(&report, &format!("gt: whole sequences, {scaling}"));
+        for (ours, theirs) in
+            [("APD3D", "average_pts_within_thresh"), ("AJ", "average_jaccard"), ("OA", "occlusion_accuracy")]
+        {
+            let (got, want) = (got[ours].as_f64().unwrap(), want[scaling][theirs].as_f64().unwrap());
+            assert!((got - want).abs() < 1e-6, "{scaling} {ours}: {got} {want}");
+        }
+    }
+    assert_eq!((&report["evaluated"], report["skipped"].as_array().unwrap().len()), (&Value::from(3), 0));
+    assert!(report["protocol"]["thresholds"].as_str().unwrap().contains("256 pixels"));
+    for file in ["r.md", "r-sequences.svg", "r-frames.svg"] {
+        assert!(fs::metadata(dir.path().join(file)).unwrap().len() > 500, "{file}");
+    }
+}
+
+#[test]
+fn a_missing_prediction_counts_as_zero_and_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let source = goldens().join("tapvid3d_files/adt");
+    for name in ["clip_0.npz", "clip_2.npz"] {
+        fs::copy(source.join("pred").join(name), dir.path().join(name)).unwrap();
+    }
+    let whole = eval("tapvid3d", &source.join("pred"), &source.join("gt"), &["--clips", "whole"]).ok();
+    let ran = eval("tapvid3d", dir.path(), &source.join("gt"), &["--clips", "whole"]).ok();
+    assert!(
+        ran.err.contains("1 count as zero") && ran.out.contains("clip_1 (counts as zero)"),
+        "{}{}",
+        ran.out,
+        ran.err
+    );
+    let of = |out: &str| out.lines().find(|l| l.starts_with("| gt: whole")).unwrap().to_owned();
+    assert_ne!(of(&whole.out), of(&ran.out));
+    let names = dir.path().join("names.txt");
+    fs::write(&names, "# two that are there, one that is not\nclip_0\nclip_2.npz\nclip_9\n").unwrap();
+    let ran = eval("tapvid3d", dir.path(), &source.join("gt"), &["--names", names.to_str().unwrap()]).ok();
+    assert!(!ran.out.contains("counts as zero") && ran.out.contains("- clip_9: it is on the list"), "{}", ran.out);
+}
+
+#[test]
+fn our_own_output_against_itself() {
+    let dir = tempfile::tempdir().unwrap();
+    let runs = dir.path().join("runs");
+    let frames = folder(dir.path(), 4);
+    reconstruct(&frames, &runs.join("scene"), &["--export", "tracks,npz,tum", "--all-tracks"]).ok();
+    let out = dir.path().join("r.json");
+    let run = |kind: &str, more: &[&str]| {
+        eval(kind, &runs, &runs, &[more, &["--json", out.to_str().unwrap()]].concat()).ok();
+        json(&out)
+    };
+    let tracks = run("trajectories", &[]);
+    let values = mean(&tracks, "all images, ALL, one scale per scene");
+    assert_eq!((values["APD3D"].as_f64(), values["EPE"].as_f64()), (Some(1.0), Some(0.0)), "{tracks}");
+    let depth = run("depth", &["--set", "plain", "--clips", "whole", "--align", "median", "--align", "metric"]);
+    assert_eq!(mean(&depth, "whole sequences, metric")["abs_rel"], 0.0, "{depth}");
+    // A camera of four frames, in TUM's format as truth.
+    fs::copy(runs.join("scene/trajectory.tum"), runs.join("scene.tum")).unwrap();
+    let pose = run("pose", &["--set", "plain"]);
+    assert!(pose["means"][0]["values"]["ATE"].as_f64().unwrap() < 1e-9, "{pose}");
+}
+
+#[test]
+fn what_cannot_be_evaluated_is_said_with_its_code() {
+    let dir = tempfile::tempdir().unwrap();
+    let source = goldens().join("tapvid3d_files/adt");
+    let (pred, truth) = (source.join("pred"), source.join("gt"));
+    eval("tapvid3d", &pred, dir.path(), &[]).fails(3, &["no sequence was found", "NPZ archives"]);
+    eval("tapvid3d", &pred, &dir.path().join("none"), &[]).fails(3, &["cannot read"]);
+    eval("depth", &pred, &truth, &["--set", "kitti"]).fails(3, &["16-bit PNG"]);
+    eval("pose", &pred, &truth, &["--set", "tum"]).fails(3, &["rgb.txt"]);
+    eval("trajectories", &pred, dir.path(), &[]).fails(3, &["--export tracks"]);
+    eval("tapvid3d", &pred, &truth, &["--clips", "contiguous:0"]).fails(2, &["contiguous:0"]);
+    eval("depth", &pred, &truth, &[]).fails(2, &["--set"]);
+    let file = dir.path().join("file");
+    fs::write(&file, "").unwrap();
+    let inside = file.join("r.json");
+    eval("tapvid3d", &pred, &truth, &["--json", inside.to_str().unwrap()]).fails(6, &["cannot write"]);
+    // Clips longer than any sequence leave nothing.
+    eval("tapvid3d", &pred, &truth, &["--clips", "contiguous:100"]).fails(3, &["fill no clip", "2 more"]);
+}
