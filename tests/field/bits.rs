@@ -206,8 +206,9 @@ fn chunks_of_an_evaluation_change_no_bit() {
     {
         // One pixel at a time takes a dispatch each: a few are enough.
         let pixels = if chunk.pixels == 1 { Pixels::Stride(13) } else { Pixels::All };
-        let of_all = field.paths(&Query { pixels: pixels.clone(), ..query.clone() }).unwrap();
-        let some = field.paths(&Query { chunk: Some(chunk), pixels, ..query.clone() }).unwrap();
+        let asked = Query::new(query.image, pixels, query.times.clone());
+        let of_all = field.paths(&asked).unwrap();
+        let some = field.paths(&asked.chunk(chunk)).unwrap();
         assert_eq!(bits(&some.positions), bits(&of_all.positions), "{chunk:?}");
         assert_eq!(bits(&some.theta), bits(&of_all.theta), "{chunk:?}");
     }

@@ -21,8 +21,9 @@ pub enum Pixels {
     Stride(usize),
 }
 
-/// What is to be evaluated.
+/// What is to be evaluated: [`Query::new`], then its setters.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Query {
     /// The source image.
     pub image: usize,
@@ -39,6 +40,13 @@ impl Query {
     #[must_use]
     pub fn new(image: usize, pixels: Pixels, times: Range<usize>) -> Self {
         Self { image, pixels, times, chunk: None }
+    }
+
+    /// At most so much at a time.
+    #[must_use]
+    pub fn chunk(mut self, chunk: Chunk) -> Self {
+        self.chunk = Some(chunk);
+        self
     }
 }
 
