@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use omnix::Weights;
 use omnix::graph::ParameterSource as _;
 use omnix_tests::{gpu, relative_error};
-use omnix_train::device::{DeviceStep, Optimiser, Size, StepPlan};
+use omnix_train::device::{DeviceStep, Objective, Optimiser, Size, StepPlan};
 use omnix_train::groups::Group;
 use omnix_train::{LossConfig, LossValues, Part, Step as _, Update};
 use serde_json::Value;
@@ -59,7 +59,9 @@ fn ready(weights: &Weights, case: &Case) -> Result<(DeviceStep, Vec<omnix::model
     let [count, 3, height, width] = images.shape[..] else { return Err(format!("pictures {:?}", images.shape)) };
     let size = Size { images: count, grid: (height / 14, width / 14) };
     let loss = LossConfig::release();
-    let plan = StepPlan::new(weights.network(), size, &loss, &Group::release(), (&gpu().caps, None));
+    // The recording was made without dropout.
+    let objective = Objective { loss: &loss, groups: &Group::release(), dropout: None };
+    let plan = StepPlan::new(weights.network(), size, objective, (&gpu().caps, None));
     let plan = plan.map_err(|e| text(&e))?;
     let codes = plan.codes.clone();
     let optimiser = Optimiser { betas: [0.9, 0.95], eps: 1e-8, max_norm: 1.0, accumulate: 1 };

@@ -10,7 +10,7 @@ use omnix::bench::RandomWeights;
 use omnix_graph::graph::Source;
 use omnix_graph::passes::adopt::gradient_output;
 use omnix_graph::{Graph, GraphError, ParameterSource as _, Plan, PlanOptions, Value};
-use omnix_model::{Network, NetworkConfig, TrainingSpec};
+use omnix_model::{DRAW, Dropout, Network, NetworkConfig, TrainingSpec};
 use omnix_tests::{Rng, Trial, gpu, trials};
 use serde_json::json;
 
@@ -42,10 +42,10 @@ fn edited(changes: &serde_json::Value) -> NetworkConfig {
 }
 
 /// The network in training, with random weights and pictures; its loss.
-fn recorded(changes: &serde_json::Value) -> (Case, Value) {
+fn recorded(changes: &serde_json::Value, dropout: Option<Dropout>) -> (Case, Value) {
     let config = edited(changes);
     let mut graph = Graph::new();
-    let spec = TrainingSpec { images: 2, grid: (2, 3), motion: true, ungated: true };
+    let spec = TrainingSpec { images: 2, grid: (2, 3), motion: true, ungated: true, dropout };
     let made = Network::new(config.clone()).training(&mut graph, &spec).expect("records");
     let weights = RandomWeights::new(&config);
     let mut data = BTreeMap::new();
@@ -53,6 +53,10 @@ fn recorded(changes: &serde_json::Value) -> (Case, Value) {
         match &info.source {
             Source::Parameter(p) => {
                 data.insert(p.name.to_string(), weights.read(&p.name).expect("a tensor").into_owned());
+            }
+            // u32 in the bits of an f32.
+            Source::Input if info.name == DRAW => {
+                data.insert(info.name.clone(), vec![f32::from_bits(3)]);
             }
             Source::Input if info.name == "images" => {
                 data.insert(info.name.clone(), Rng::new(5).normal(info.shape.elements()));
@@ -74,8 +78,8 @@ fn recorded(changes: &serde_json::Value) -> (Case, Value) {
 }
 
 /// Compares the gradients of the tensors whose place among all is `first` after a multiple of `step`, and of those that score tokens.
-fn check(changes: &serde_json::Value, first: usize, step: usize) {
-    let (case, loss) = recorded(changes);
+fn check(changes: &serde_json::Value, dropout: Option<Dropout>, first: usize, step: usize) {
+    let (case, loss) = recorded(changes, dropout);
     let gradients = case.gradients(gpu(), loss).into_iter().enumerate();
     let some = gradients.filter(|(i, (name, _))| i % step == first || name.contains("dynamic_pred_last"));
     let some: Vec<(String, Vec<f32>)> = some.map(|(_, gradient)| gradient).collect();
@@ -86,14 +90,14 @@ fn check(changes: &serde_json::Value, first: usize, step: usize) {
 }
 
 fn gradients_of_the_release() {
-    check(&json!({}), 5, 40);
+    check(&json!({}), Some(Dropout { share: 0.3, seed: 11 }), 5, 40);
 }
 
 fn gradients_of_the_paper() {
     let changes = json!({
         "time_gain": "adaln", "motion_gate": { "kind": "blend" }, "sampled_score": "score", "token_features": "last",
     });
-    check(&changes, 11, 50);
+    check(&changes, None, 11, 50);
 }
 
 fn every_tensor_of_every_variant_is_trained() {
@@ -119,7 +123,7 @@ fn every_tensor_of_every_variant_is_trained() {
         json!({ "motion_gate": { "kind": "blend" } }),
         json!({ "relative_to_own_time": false }),
     ] {
-        let (case, loss) = recorded(&changes);
+        let (case, loss) = recorded(&changes, None);
         let mut graph = case.graph.clone();
         let found = graph.gradients(loss, &|_| true).unwrap_or_else(|error| panic!("{changes}: {error}"));
         let missing: Vec<&String> = case.parameters().filter(|name| !found.contains(name)).collect();
@@ -129,7 +133,7 @@ fn every_tensor_of_every_variant_is_trained() {
 }
 
 fn parameters_as_inputs_and_little_memory_change_no_bit() {
-    let (mut case, loss) = recorded(&json!({}));
+    let (mut case, loss) = recorded(&json!({}), None);
     let mut graph = case.graph.clone();
     let names = graph.gradients(loss, &|_| true).expect("differentiates");
     let adopted = graph.adopt(&names).expect("adopts");

@@ -15,23 +15,26 @@ mod tokens;
 
 use omnix_graph::Graph;
 
-pub use spec::{MotionOutputs, MotionSpec};
+use spec::LeaveOut;
+pub use spec::{DRAW, Dropout, MotionOutputs, MotionSpec};
 
 use crate::ModelError;
 use crate::config::{SampledScore, TrajectoryConfig};
 
-/// Records everything up to the field.
+/// Records everything up to the field; with `dropout` as in training.
 pub(crate) fn record(
     g: &mut Graph,
     config: &TrajectoryConfig,
     wide: usize,
     spec: &MotionSpec,
+    dropout: Option<Dropout>,
 ) -> Result<MotionOutputs, ModelError> {
     let made = tokens::record(g, config, wide, spec)?;
-    let score = tokens::score(g, config, spec, made.tokens)?;
+    let leave_out = dropout.map(|dropout| LeaveOut::new(g, dropout));
+    let score = tokens::score(g, config, spec, made.tokens, leave_out)?;
     let chosen = tokens::choose(g, config, spec, score)?;
     let codes = tokens::codes(g, config, spec)?;
-    let mut z = tokens::expand(g, config, spec, made.tokens, &chosen, codes)?;
+    let mut z = tokens::expand(g, config, spec, (made.tokens, &chosen), codes, leave_out)?;
     let memory = block::Memory::new(g, config, spec, made.tokens, &chosen)?;
     let mut levels = Vec::with_capacity(config.levels());
     for i in 0..config.blocks {

@@ -5,7 +5,7 @@ use omnix_graph::Graph;
 use crate::backbone::{self, BackboneOutputs, BackboneSpec, ReferenceChoice};
 use crate::config::{Family, NetworkConfig, TrajectoryConfig};
 use crate::dpt::{self, HeadOutputs, HeadSpec};
-use crate::motion::{self, MotionOutputs, MotionSpec};
+use crate::motion::{self, Dropout, MotionOutputs, MotionSpec};
 use crate::sampling::{self, SamplingOutputs, SamplingSpec};
 use crate::{ModelError, PATCH};
 
@@ -90,12 +90,22 @@ impl Network {
     /// # Errors
     /// [`ModelError::Request`] when the network has no such module, or for numbers that do not fit.
     pub fn motion(&self, g: &mut Graph, spec: &MotionSpec) -> Result<MotionOutputs, ModelError> {
+        self.motion_with(g, spec, None)
+    }
+
+    /// [`Network::motion`], in training with dropout.
+    pub(crate) fn motion_with(
+        &self,
+        g: &mut Graph,
+        spec: &MotionSpec,
+        dropout: Option<Dropout>,
+    ) -> Result<MotionOutputs, ModelError> {
         let trajectory = self.trajectory()?;
         check_grid(spec.images, spec.grid, "images")?;
         if spec.times.len() != spec.images {
             return Err(self.times_missing(spec.times.len(), spec.images));
         }
-        motion::record(g, trajectory, self.config.backbone.feature_width(), spec)
+        motion::record(g, trajectory, self.config.backbone.feature_width(), spec, dropout)
     }
 
     /// Records the sampling head for a chunk of frames: where their pixels read the field.

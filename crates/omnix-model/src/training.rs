@@ -11,10 +11,10 @@ use omnix_graph::{Graph, GraphError, Value};
 
 use crate::config::{MotionGate, SampledScore};
 use crate::motion::MotionOutputs;
-use crate::{BackboneSpec, HeadSpec, ModelError, MotionSpec, Network, PATCH, SamplingSpec};
+use crate::{BackboneSpec, Dropout, HeadSpec, ModelError, MotionSpec, Network, PATCH, SamplingSpec};
 
 /// What a sample has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainingSpec {
     /// Images.
     pub images: usize,
@@ -24,6 +24,8 @@ pub struct TrainingSpec {
     pub motion: bool,
     /// Whether the points of trajectories are also wanted as they move without the gate.
     pub ungated: bool,
+    /// Dropout where the network has it; `None` as in inference.
+    pub dropout: Option<Dropout>,
 }
 
 /// A recorded network. S images of H × W pixels.
@@ -90,7 +92,7 @@ impl Network {
     /// # Errors
     /// [`ModelError::Request`] when the network cannot do what is asked.
     pub fn training(&self, g: &mut Graph, spec: &TrainingSpec) -> Result<TrainingOutputs, ModelError> {
-        let TrainingSpec { images, grid, motion, ungated } = *spec;
+        let TrainingSpec { images, grid, motion, ungated, dropout } = *spec;
         let times = vec![(0, 0); images];
         let reference = self.default_reference();
         let backbone = BackboneSpec {
@@ -112,7 +114,7 @@ impl Network {
         let rays = head.rays.ok_or_else(|| self.lacks("ray maps"))?;
         let moving = match head.points.filter(|_| motion) {
             Some(points) => {
-                let module = self.motion(g, &MotionSpec { images, grid, times })?;
+                let module = self.motion_with(g, &MotionSpec { images, grid, times }, dropout)?;
                 // Networks that look at the last feature alone have one input.
                 let first = made.features.len() - module.features.len();
                 connect_all(g, &module.features, &made.features[first..])?;

@@ -5,6 +5,7 @@
 //! seed = 1                          # of start values, order of data and everything else random
 //! memory_budget = "4GiB"
 //! augment = true                    # colours changed at random
+//! dropout = 0.1                     # share left out at random in the layers that score tokens and make their gain; 0 for none
 //! network = "nano.json"             # or a table [network] with the fields of an omnix-1 config.json
 //! start = { from = "seed" }         # or { from = "checkpoint", path = ".." }, { from = "depth-anything-3", path = ".." }
 //!
@@ -69,6 +70,10 @@ pub struct Config {
     /// Whether colours are changed at random (`spec/omnix.md` 11.3).
     #[serde(default = "yes")]
     pub augment: bool,
+    /// Share of numbers left out at random in the layers that score tokens and in those of their gain (`spec/omnix.md` section 5); 0
+    /// for none.
+    #[serde(default = "tenth")]
+    pub dropout: f32,
     /// Rates by tensor names.
     #[serde(default = "Group::release")]
     pub group: Vec<Group>,
@@ -171,6 +176,10 @@ pub enum Made {
 
 const fn one() -> f64 {
     1.0
+}
+
+const fn tenth() -> f32 {
+    0.1
 }
 
 const fn yes() -> bool {

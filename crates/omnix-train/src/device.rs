@@ -12,7 +12,7 @@ mod step;
 mod targets;
 mod update;
 
-pub use plan::StepPlan;
+pub use plan::{Objective, StepPlan};
 pub use size::Size;
 pub use start::{planned, ready};
 pub use step::DeviceStep;

@@ -1,6 +1,6 @@
 //! What the spatiotemporal module is asked for, and what it gives.
 
-use omnix_graph::Value;
+use omnix_graph::{Graph, GraphError, Value};
 use omnix_weights::Scope;
 
 /// What the spatiotemporal module is asked for.
@@ -28,6 +28,39 @@ impl MotionSpec {
         self.images
     }
 }
+
+/// Numbers that are left out at random in training: behind each ReLU of the layers that score tokens and of those that make their gain
+/// (`spec/omnix.md` section 5).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dropout {
+    /// Probability with which a number is left out, from 0 to below 1; the others grow to match.
+    pub share: f32,
+    /// Of the whole training.
+    pub seed: u64,
+}
+
+/// [`Dropout`] in a graph.
+#[derive(Clone, Copy)]
+pub(super) struct LeaveOut {
+    dropout: Dropout,
+    /// u32 `[1]`: differs between samples.
+    draw: Value,
+}
+
+impl LeaveOut {
+    /// Declares the input [`DRAW`].
+    pub(super) fn new(g: &mut Graph, dropout: Dropout) -> Self {
+        Self { dropout, draw: g.input(DRAW, [1]) }
+    }
+
+    /// Of `x`; places with another `stream` draw other numbers.
+    pub(super) fn of(self, g: &mut Graph, x: Value, stream: u32) -> Result<Value, GraphError> {
+        g.dropout(x, self.draw, self.dropout.share, (self.dropout.seed, stream))
+    }
+}
+
+/// The input of a graph with [`Dropout`], u32 `[1]`: the same number leaves the same out.
+pub const DRAW: &str = "traj.draw";
 
 /// The recorded module; the last three are declared as outputs of the graph.
 #[derive(Clone, Debug)]

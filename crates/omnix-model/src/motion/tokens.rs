@@ -6,7 +6,7 @@ use omnix_graph::ops::Unary;
 use omnix_graph::{Graph, GraphError, Value};
 use omnix_weights::Scope;
 
-use super::spec::{MotionSpec, root};
+use super::spec::{LeaveOut, MotionSpec, root};
 use crate::config::{TimeGain, TokenFeatures, TrajectoryConfig};
 use crate::layers::{linear, linear_columns, linear_rows, pointwise_conv, relu};
 
@@ -66,12 +66,13 @@ pub(super) fn score(
     config: &TrajectoryConfig,
     spec: &MotionSpec,
     tokens: Value,
+    leave_out: Option<LeaveOut>,
 ) -> Result<Value, GraphError> {
     let [first, second] = config.scalar_widths();
     let x = pointwise_conv(g, &root().pp("dynamic_pred.0"), tokens, first)?;
-    let x = relu(g, x);
+    let x = thinned(g, x, leave_out, 0)?;
     let x = pointwise_conv(g, &root().pp("dynamic_pred.3"), x, second)?;
-    let x = relu(g, x);
+    let x = thinned(g, x, leave_out, 1)?;
     let x = pointwise_conv(g, &root().pp("dynamic_pred_last_layer"), x, 1)?;
     let logits = g.reshape(x, [spec.images, spec.patches()])?;
     g.name(logits, "traj.score_logit");
@@ -113,9 +114,9 @@ pub(super) fn expand(
     g: &mut Graph,
     config: &TrajectoryConfig,
     spec: &MotionSpec,
-    tokens: Value,
-    chosen: &Chosen,
+    (tokens, chosen): (Value, &Chosen),
     codes: Value,
+    leave_out: Option<LeaveOut>,
 ) -> Result<Value, GraphError> {
     let d = config.width;
     let rows = g.reshape(tokens, [spec.images * spec.patches(), d])?;
@@ -123,7 +124,7 @@ pub(super) fn expand(
     let z = match config.time_gain {
         TimeGain::None => g.token_expand(q, codes, Expand::default())?,
         TimeGain::PerToken => {
-            let gain = gain(g, config, q)?;
+            let gain = gain(g, config, q, leave_out)?;
             g.token_expand(q, codes, Expand { kappa: Some(gain), ..Expand::default() })?
         }
         TimeGain::AdaLn | TimeGain::TokenAdaLn => modulated(g, config, q, codes)?,
@@ -132,13 +133,19 @@ pub(super) fn expand(
     Ok(g.name(z, "traj.z0"))
 }
 
+/// `relu(x)`, some of it left out where that is asked for.
+fn thinned(g: &mut Graph, x: Value, leave_out: Option<LeaveOut>, stream: u32) -> Result<Value, GraphError> {
+    let x = relu(g, x);
+    leave_out.map_or(Ok(x), |leave_out| leave_out.of(g, x, stream))
+}
+
 /// One number per token, at least 0.
-fn gain(g: &mut Graph, config: &TrajectoryConfig, q: Value) -> Result<Value, GraphError> {
+fn gain(g: &mut Graph, config: &TrajectoryConfig, q: Value, leave_out: Option<LeaveOut>) -> Result<Value, GraphError> {
     let ([first, second], at) = (config.scalar_widths(), root().pp("time_embed_scaling_mlp"));
     let x = linear(g, &at.pp(0), q, first)?;
-    let x = relu(g, x);
+    let x = thinned(g, x, leave_out, 2)?;
     let x = linear(g, &at.pp(3), x, second)?;
-    let x = relu(g, x);
+    let x = thinned(g, x, leave_out, 3)?;
     let x = linear(g, &at.pp(6), x, 1)?;
     let gain = g.map(Unary::Softplus, x);
     Ok(g.name(gain, "traj.time_gain"))

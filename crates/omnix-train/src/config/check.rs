@@ -49,6 +49,7 @@ impl Config {
         need(size(*decay) && size(*clip), "optimiser.decay and optimiser.clip", "they are 0 or more")?;
         need((1..=1 << 16).contains(accumulate), "optimiser.accumulate", "it is 1 to 65536 samples")?;
         need(share(*average), "optimiser.average", "it is from 0 to below 1")?;
+        need((0.0..1.0).contains(&self.dropout), "dropout", "it is from 0 to below 1")?;
         self.check_groups()?;
         self.loss.check()?;
         need((0.0..=1.0).contains(&self.schedule.last), "schedule.last", "it is from 0 to 1")?;

@@ -2,7 +2,7 @@
 
 use omnix_graph::{Graph, GraphError, Plan, PlanOptions, Value};
 use omnix_kernels::Caps;
-use omnix_model::{Network, Parts, TimeCode, TrainingSpec, manifest};
+use omnix_model::{Dropout, Network, Parts, TimeCode, TrainingSpec, manifest};
 
 use super::size::Size;
 use super::targets;
@@ -26,6 +26,25 @@ pub struct StepPlan {
     pub(super) moves: bool,
 }
 
+/// What a step makes smaller, and by which tensors.
+#[derive(Clone, Copy, Debug)]
+pub struct Objective<'a> {
+    /// The losses.
+    pub loss: &'a LossConfig,
+    /// Which tensors are trained.
+    pub groups: &'a [Group],
+    /// What is left out at random, in training alone.
+    pub dropout: Option<Dropout>,
+}
+
+/// A network with its losses.
+struct Recorded {
+    graph: Graph,
+    total: Value,
+    names: Vec<String>,
+    codes: Vec<TimeCode>,
+}
+
 /// Name of the output with all losses.
 pub(super) const LOSSES: &str = "losses";
 
@@ -37,22 +56,14 @@ impl StepPlan {
     pub fn new(
         network: &Network,
         size: Size,
-        loss: &LossConfig,
-        groups: &[Group],
+        objective: Objective<'_>,
         (caps, budget): (&Caps, Option<u64>),
     ) -> Result<Self, TrainError> {
-        let mut g = Graph::new();
-        let moves = network.config().trajectory.is_some();
-        let ungated = moves && loss.weights.displacement != 0.0;
-        let spec = TrainingSpec { images: size.images, grid: size.grid, motion: moves, ungated };
-        let made = network.training(&mut g, &spec)?;
-        let terms = targets::terms(&mut g, &made, &size, loss)?;
-        let recorded = terms.record(&mut g, loss)?;
-        g.forget_outputs();
-        gather(&mut g, &recorded.names)?;
-        let forward = g.clone();
+        let Objective { loss, groups, dropout } = objective;
+        let forward = record(network, size, loss, None)?;
+        let Recorded { graph: mut g, total, .. } = record(network, size, loss, dropout)?;
         let group = |name: &str| groups.iter().find(|group| name.contains(&group.name));
-        let reached = g.gradients(recorded.total, &|name| group(name).is_some_and(|group| !group.frozen))?;
+        let reached = g.gradients(total, &|name| group(name).is_some_and(|group| !group.frozen))?;
         let expected = manifest(network.config(), &Parts::default());
         let tensors: Vec<Tensor> = expected
             .expected()
@@ -69,11 +80,11 @@ impl StepPlan {
         Ok(Self {
             size,
             train: plan(&g)?,
-            forward: plan(&forward)?,
+            forward: plan(&forward.graph)?,
             layout,
-            codes: made.codes,
-            losses: recorded.names,
-            moves,
+            codes: forward.codes,
+            losses: forward.names,
+            moves: network.config().trajectory.is_some(),
         })
     }
 
@@ -102,6 +113,20 @@ impl StepPlan {
     pub fn forward_flops(&self) -> u64 {
         self.forward.flops()
     }
+}
+
+/// Records a network and its losses, which are the only output.
+fn record(network: &Network, size: Size, loss: &LossConfig, dropout: Option<Dropout>) -> Result<Recorded, TrainError> {
+    let mut graph = Graph::new();
+    let moves = network.config().trajectory.is_some();
+    let ungated = moves && loss.weights.displacement != 0.0;
+    let spec = TrainingSpec { images: size.images, grid: size.grid, motion: moves, ungated, dropout };
+    let made = network.training(&mut graph, &spec)?;
+    let terms = targets::terms(&mut graph, &made, &size, loss)?;
+    let losses = terms.record(&mut graph, loss)?;
+    graph.forget_outputs();
+    gather(&mut graph, &losses.names)?;
+    Ok(Recorded { graph, total: losses.total, names: losses.names, codes: made.codes })
 }
 
 /// One output of all losses, in the order of `names`: a single readback.

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use omnix_graph::ParameterSource;
 use omnix_kernels::{Caps, Gpu};
-use omnix_model::{Network, PATCH, Parts, manifest};
+use omnix_model::{Dropout, Network, PATCH, Parts, manifest};
 
-use super::plan::StepPlan;
+use super::plan::{Objective, StepPlan};
 use super::size::Size;
 use super::step::DeviceStep;
 use super::update::Optimiser;
@@ -32,7 +32,9 @@ pub fn planned(recipe: &Recipe, caps: &Caps, budget: Option<u64>) -> Result<Step
         Some(bytes) => Some(bytes),
         None => config.budget_bytes()?,
     };
-    StepPlan::new(&Network::new(recipe.network.clone()), size, &config.loss, &config.group, (caps, budget))
+    let dropout = (config.dropout > 0.0).then_some(Dropout { share: config.dropout, seed: config.seed });
+    let objective = Objective { loss: &config.loss, groups: &config.group, dropout };
+    StepPlan::new(&Network::new(recipe.network.clone()), size, objective, (caps, budget))
 }
 
 /// Makes a session's step ready with its start values: random ones, or those of a checkpoint.
@@ -80,5 +82,26 @@ impl ParameterSource for Started {
     fn read(&self, name: &str) -> Result<Cow<'_, [f32]>, Box<dyn std::error::Error + Send + Sync>> {
         let shape = self.shapes.get(name).ok_or_else(|| format!("BUG: the network has no tensor `{name}`"))?;
         Ok(Cow::Owned(self.values.tensor(name, shape)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::read_config;
+
+    #[test]
+    fn dropout_is_of_training_alone() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recipes/smoke.toml");
+        let mut recipe = read_config(&path).unwrap();
+        let mut planned = |dropout| {
+            recipe.config.dropout = dropout;
+            planned(&recipe, &Caps::lavapipe(), None).unwrap()
+        };
+        let (with, without) = (planned(0.1), planned(0.0));
+        assert!(with.flops() > without.flops());
+        assert_eq!(with.forward_flops(), without.forward_flops());
     }
 }

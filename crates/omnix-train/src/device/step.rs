@@ -7,6 +7,7 @@ use omnix_graph::{Executable, GraphError, ParameterSource, WeightStore};
 use omnix_io::Picture;
 use omnix_io::preprocess::normalise;
 use omnix_kernels::{Gpu, adamw, readback};
+use omnix_model::DRAW;
 
 use super::plan::{LOSSES, StepPlan};
 use super::state::{List, gradients_of, weights_of};
@@ -218,8 +219,10 @@ impl Step for DeviceStep {
         &self.plan.layout
     }
 
-    fn train(&mut self, sample: &Sample, _number: u64) -> Result<LossValues, StepError> {
-        let inputs = self.inputs(sample)?;
+    fn train(&mut self, sample: &Sample, number: u64) -> Result<LossValues, StepError> {
+        let mut inputs = self.inputs(sample)?;
+        // u32 in the bits of an f32: what is left out at random differs from sample to sample.
+        inputs.push((DRAW.to_owned(), vec![f32::from_bits(number as u32)]));
         Ok(self.train_on(&inputs)?)
     }
 
