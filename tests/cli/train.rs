@@ -140,3 +140,20 @@ fn a_rate_that_explodes_is_named_and_the_checkpoint_before_it_is_good() {
     let config = changed(dir.path(), "rate = 5e-4", "rate = 1e30");
     train(&config, &out, &["--steps", "8"]).fails(1, &["NaN or infinite", "step", "sample"]);
 }
+
+#[test]
+fn a_plan_says_what_a_run_will_take() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = |config: &Path, more: &[&str]| finish(program().args(["plan", "--train"]).arg(config).args(more));
+    let planned = plan(&smoke(), &["--json"]).ok().events();
+    let ran = train(&smoke(), &dir.path().join("run"), &["--steps", "1", "--json"]).ok().events();
+    for key in ["images", "image_size", "flops", "forward_flops", "trained"] {
+        assert_eq!(of_kind(&planned, "plan")[0][key], of_kind(&ran, "plan")[0][key], "{key}");
+    }
+    let text = plan(&smoke(), &[]).ok();
+    assert!(["training of network smoke", "memory", "GFLOP a sample"].iter().all(|part| text.out.contains(part)));
+    plan(&smoke(), &["--memory-budget", "1MiB"]).fails(5, &["at least"]);
+    plan(&dir.path().join("none.toml"), &[]).fails(3, &["none.toml"]);
+    // What is said of pictures has no meaning for a training.
+    assert_eq!(plan(&smoke(), &["--frames", "3"]).code, Some(2));
+}

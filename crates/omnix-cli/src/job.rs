@@ -195,13 +195,22 @@ fn largest(weights: &Weights, request: &Request, caps: &Caps) -> Option<usize> {
 }
 
 /// Seconds of work at a rough guess of speed: it only has to tell minutes from hours.
-pub(crate) fn seconds(flops: u64, tier: Tier) -> f64 {
+fn seconds(flops: u64, tier: Tier) -> f64 {
     let a_second = match tier {
         Tier::Software => 7e10,
         Tier::Baseline => 1e10,
         Tier::Gpu => 2e12,
     };
     flops as f64 / a_second
+}
+
+/// The same for people.
+pub(crate) fn guess(flops: u64, tier: Tier) -> String {
+    match seconds(flops, tier) {
+        s if s < 120.0 => format!("{:.0} s", s.ceil()),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.0} h", s / 3600.0),
+    }
 }
 
 /// Facts of a plan for people: one line each.

@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use omnix::{Caps, RunPlan, Tier, Weights};
 use serde_json::json;
 
+use super::train;
 use crate::args::RunArgs;
 use crate::bytes;
 use crate::error::CliError;
@@ -17,7 +18,7 @@ use crate::ui::{self, Ui};
 #[derive(Debug, Args)]
 pub(crate) struct PlanArgs {
     /// Pictures, folders, patterns and videos, as for `reconstruct`.
-    #[arg(value_name = "INPUT", required_unless_present = "images")]
+    #[arg(value_name = "INPUT", required_unless_present_any = ["images", "train"])]
     inputs: Vec<PathBuf>,
     /// Plan for N pictures of --size instead of files.
     #[arg(
@@ -25,6 +26,13 @@ pub(crate) struct PlanArgs {
         value_parser = clap::value_parser!(u32).range(1..=MOST_IMAGES)
     )]
     images: Option<u32>,
+    /// Plan a step of the training that this configuration describes.
+    // What is said of pictures and results has no meaning for it; the device and the budget have.
+    #[arg(long, value_name = "CONFIG.toml", conflicts_with_all = [
+        "inputs", "images", "frames", "fps", "every", "start", "end", "strict", "weights", "weights_type", "reference", "cameras",
+        "process_res", "process_res_method", "size", "export", "points", "conf_percentile", "all_tracks", "field_type",
+    ])]
+    train: Option<PathBuf>,
     /// Plan for this kind of device; with --device for that very device.
     #[arg(long, value_name = "CLASS", default_value = "lavapipe", conflicts_with_all = ["device", "experimental"], help_heading = "Device")]
     device_class: DeviceClass,
@@ -63,6 +71,9 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
     } else {
         args.device_class.caps()
     };
+    if let Some(config) = &args.train {
+        return train::plan(config, &caps, args.run.memory_budget, ui);
+    }
     let (plan, weights, exports, size, reading) =
         if let (Some(images), Some((width, height))) = (args.images, args.run.size) {
             let weights = Weights::find(&args.run.weights)?;
@@ -87,12 +98,7 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
     }
     let network = &weights.network().config().name;
     let files = job::files_of(&exports, &size).join(", ");
-    let seconds = job::seconds(plan.flops(), caps.tier);
-    let guess = match seconds {
-        s if s < 120.0 => format!("{:.0} s", s.ceil()),
-        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
-        s => format!("{:.0} h", s / 3600.0),
-    };
+    let guess = job::guess(plan.flops(), caps.tier);
     let process = memory::process(&plan, &exports, &size, caps.tier, reading).map_or_else(String::new, |bytes| {
         let bytes = bytes::show(bytes);
         format!("process about {bytes} on a software device: that memory, the program, the driver and the files\n")

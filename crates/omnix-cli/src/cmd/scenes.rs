@@ -102,7 +102,7 @@ pub(crate) fn run(args: &ScenesArgs, ui: &mut Ui) -> Result<(), CliError> {
     let [shard, shards] = job.shard;
     let total = job.scenes.saturating_sub(shard).div_ceil(shards);
     let mut count = 0;
-    ui.begin("scenes", &format!("{total} scenes to {}", args.out.display()));
+    ui.begin("scenes", &format!("{total} scene(s) to {}", args.out.display()));
     let mut since = std::time::Instant::now();
     let outcome = job.run(&stop::asked, |done| {
         count += 1;
@@ -125,7 +125,7 @@ pub(crate) fn run(args: &ScenesArgs, ui: &mut Ui) -> Result<(), CliError> {
     if ui.json() {
         ui.event("done", json!({ "dir": args.out, "scenes": count }));
     } else {
-        ui.say(&format!("{count} scenes in {}", args.out.display()));
+        ui.say(&format!("{count} scene(s) in {}", args.out.display()));
     }
     Ok(())
 }

@@ -1,17 +1,20 @@
 //! `omnix train`: a network from a configuration, data and a device, until a number of steps is done.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use omnix_train::device::{planned, ready};
+use omnix::Caps;
+use omnix_train::config::{Config, Recipe, SampleConfig};
+use omnix_train::device::{StepPlan, planned, ready};
 use omnix_train::{Event, LossValues, RunOptions, Session, read_config};
 use serde_json::{Map, Value, json};
 
 use crate::args::DeviceArgs;
 use crate::bytes;
 use crate::error::CliError;
+use crate::job;
 use crate::stop;
-use crate::ui::Ui;
+use crate::ui::{self, Ui};
 
 /// Arguments of `omnix train`.
 #[derive(Debug, Args)]
@@ -51,16 +54,8 @@ pub(crate) fn run(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
     let until = args.steps.unwrap_or(recipe.config.steps);
     let engine = args.device.open()?;
     let plan = planned(&recipe, engine.caps(), args.memory_budget)?;
-    // Sums of gradients over samples, and the average of the weights.
-    let more = u64::from(recipe.config.optimiser.accumulate > 1) + u64::from(recipe.config.averaged());
-    let (bytes, flops) = (plan.bytes(more), plan.flops());
-    ui.event(
-        "plan",
-        json!({
-            "images": recipe.config.sample.images, "image_size": recipe.config.sample.size, "bytes": bytes, "flops": flops,
-            "forward_flops": plan.forward_flops(), "trained": plan.trained(),
-        }),
-    );
+    let (bytes, flops) = (bytes_of(&plan, &recipe.config), plan.flops());
+    ui.event("plan", plan_event(&plan, &recipe));
     let info = engine.info();
     ui.event("device", serde_json::to_value(&info).unwrap_or_default());
     ui.say(&format!(
@@ -87,6 +82,49 @@ pub(crate) fn run(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
     } else {
         Ok(())
     }
+}
+
+/// What a step of a training would take, on standard output. Needs no device.
+pub(crate) fn plan(config: &Path, caps: &Caps, budget: Option<u64>, ui: &mut Ui) -> Result<(), CliError> {
+    let recipe = read_config(config)?;
+    let plan = planned(&recipe, caps, budget)?;
+    if ui.json() {
+        ui.event("plan", plan_event(&plan, &recipe));
+        ui.event("done", json!({}));
+        return Ok(());
+    }
+    let SampleConfig { images, size: [width, height] } = recipe.config.sample;
+    let samples = recipe.config.optimiser.accumulate;
+    let flops = plan.flops();
+    ui::print(&format!(
+        "training of network {}, for a {} device\n{images} image(s) of {width}x{height}; {samples} sample(s) make a step\n\
+         trained {:.2} M numbers\n\
+         memory  {} on the device\n\
+         work    {:.1} GFLOP a sample, of them {:.1} forward\n\
+         time    about {} a step, a rough guess",
+        recipe.network.name,
+        caps.tier,
+        plan.trained() as f64 / 1e6,
+        bytes::show(bytes_of(&plan, &recipe.config)),
+        flops as f64 / 1e9,
+        plan.forward_flops() as f64 / 1e9,
+        job::guess(flops.saturating_mul(samples.into()), caps.tier),
+    ))
+}
+
+/// Bytes that training takes on the device.
+fn bytes_of(plan: &StepPlan, config: &Config) -> u64 {
+    // Sums of gradients over samples, and the average of the weights.
+    plan.bytes(u64::from(config.optimiser.accumulate > 1) + u64::from(config.averaged()))
+}
+
+/// The same for machines.
+fn plan_event(plan: &StepPlan, recipe: &Recipe) -> Value {
+    let config = &recipe.config;
+    json!({
+        "images": config.sample.images, "image_size": config.sample.size, "bytes": bytes_of(plan, config),
+        "flops": plan.flops(), "forward_flops": plan.forward_flops(), "trained": plan.trained(),
+    })
 }
 
 fn tell(event: &Event<'_>, ui: &mut Ui) {
