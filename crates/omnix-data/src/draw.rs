@@ -49,7 +49,7 @@ impl Rule {
 /// are too short for by a smaller one.
 ///
 /// # Errors
-/// No image asked for, or a scene without a video of so many images (or, for photographs and a video, of so many less the photographs).
+/// No image asked for, or a scene without a video of that number of images (for photographs and a video: of that number less the photographs).
 pub fn draw(videos: &[Video], rule: &Rule, count: usize, seed: u64, index: u64) -> Result<Vec<Pick>, DataError> {
     let mut random = Random::new(seed, index, PURPOSE);
     if rule.still {

@@ -94,7 +94,7 @@ impl Rank {
     /// The dispatches that compute this on a device with `caps`.
     ///
     /// # Errors
-    /// When there are no rows or numbers, a quantile is none, or the device binds less than a block or the counts of a row.
+    /// When there are no rows or numbers, a quantile is not from 0 to 1, or the device binds less than a block or the counts of a row.
     pub fn record(&self, caps: &Caps) -> Result<Vec<Dispatch>, KernelError> {
         let kernel = "rank";
         if self.rows == 0 || self.n == 0 {

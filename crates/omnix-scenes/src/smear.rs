@@ -11,7 +11,7 @@ use crate::view::View;
 
 /// Longest half way, in parts of the picture's width.
 const LONGEST: f64 = 0.06;
-/// Shorter half ways than this, in pixels, are none.
+/// Half ways shorter than this, in pixels, count as standing still.
 const SHORTEST: f64 = 0.3;
 
 /// The state of things and camera half a shutter's time after the middle.

@@ -214,7 +214,7 @@ impl Default for Optimiser {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Validation {
-    /// Every so many steps, and at the end.
+    /// Number of steps from one to the next; also at the end.
     pub every: u64,
     /// Number of samples.
     pub samples: u32,
@@ -227,9 +227,9 @@ pub struct Validation {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Checkpoints {
-    /// Every so many steps; 0 for not by steps.
+    /// Number of steps from one to the next; 0 for not by steps.
     pub every_steps: u64,
-    /// Every so many minutes; 0 for not by time.
+    /// Minutes from one to the next; 0 for not by time.
     pub every_minutes: f64,
     /// Whether the one with the lowest validation loss is kept beside the last. With validation, unless said otherwise.
     pub best: Option<bool>,

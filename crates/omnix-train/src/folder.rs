@@ -8,7 +8,7 @@ use crate::TrainError;
 use crate::random::Random;
 use crate::source::Source;
 
-/// Scenes that are tried before a sample is given up: one that is too short for so many images is left out.
+/// Scenes that are tried before a sample is given up: one that is too short for a sample is left out.
 const TRIES: u64 = 16;
 
 /// A folder with scenes of one data set.

@@ -104,7 +104,7 @@ fn borrowed(name: &str) -> Option<String> {
 enum Rule {
     Constant(f32),
     Values(&'static [f32]),
-    /// Normal with this deviation, cut at so many of them.
+    /// Normal with this deviation, cut at the second number of deviations.
     Normal(f64, f64),
     /// Uniform between plus and minus this.
     Uniform(f64),

@@ -145,7 +145,7 @@ made = "shapes"
             ("path = \"a\"\n", "either made or path"),
             ("step = 2\n", "they go with path"),
             ("photos = \"a\"\n", "they go with made"),
-            ("[[data]]\npath = \"a\"\nset = \"eu\"\n", "`eu` is none of ue,"),
+            ("[[data]]\npath = \"a\"\nset = \"eu\"\n", "`eu` is not one of ue,"),
             ("[[data]]\npath = \"a\"\nshares = [0.5, 0.1, 0.1]\n", "data.shares"),
             ("[[data]]\npath = \"a\"\n[validation]\nevery = 1\nsamples = 1\n", "validation.data"),
             ("[loss]\nlambda1 = -1.0\n", "loss.lambda1 is -1"),

@@ -33,7 +33,7 @@ use crate::session::Session;
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Event<'a> {
-    /// It goes on from a checkpoint of so many steps.
+    /// It goes on from a checkpoint.
     Continued {
         /// Steps done.
         step: u64,

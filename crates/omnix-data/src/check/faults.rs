@@ -49,7 +49,7 @@ pub(super) enum Fault {
     Mirrored(usize),
     /// Focal lengths that have to be multiplied by this.
     Focal(f64),
-    /// A principal point that has to be moved by so many pixels.
+    /// A principal point that has to be moved by this number of pixels.
     Principal([f64; 2]),
 }
 

@@ -7,7 +7,7 @@ const PIXELS: usize = 1500;
 /// Inverse depths that differ by more than this share are on two surfaces.
 const ONE_SURFACE: f64 = 1.1;
 
-/// The pixels of an image that are looked at: every so many rows and columns.
+/// The pixels of an image that are looked at: of a large one a regular grid of them.
 pub(super) fn chosen(sample: &Sample) -> impl Iterator<Item = usize> + Clone + use<> {
     let [width, height] = sample.size().map(|side| side as usize);
     let step = ((sample.pixels() as f64 / PIXELS as f64).sqrt().ceil() as usize).max(1);

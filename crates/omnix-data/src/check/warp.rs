@@ -14,7 +14,7 @@ const PARALLAX: f64 = 1.0;
 /// Pairs of images that are compared, at most.
 const PAIRS: usize = 24;
 
-/// Points that a search looks at: every so many.
+/// A search looks at one of this number of points.
 const SOME: usize = 3;
 
 /// How well the depths of views agree.
@@ -66,7 +66,7 @@ enum Seen {
     Off(f64, f64),
 }
 
-/// Calls `tell` with every so many points of these pairs that can be compared, in both directions.
+/// Calls `tell` with one of `every` points of these pairs that can be compared, in both directions.
 fn each(sample: &Sample, cameras: &[Pinhole], pairs: &[[usize; 2]], every: usize, mut tell: impl FnMut(Seen)) {
     let size = sample.size().map(|side| side as usize);
     let both = pairs.iter().flat_map(|[a, b]| [[*a, *b], [*b, *a]]);

@@ -13,7 +13,7 @@ use half::f16;
 use super::MOST;
 use crate::DataError;
 
-/// A header longer than this is none.
+/// A header longer than this is refused.
 const LONGEST_HEADER: u32 = 1 << 16;
 
 /// Type of the elements.

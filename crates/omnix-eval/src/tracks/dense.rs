@@ -191,7 +191,7 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds a point by its squared distance; the distance, infinite where the prediction is none.
+    /// Adds a point by its squared distance; the distance, infinite where nothing was predicted.
     fn add(&mut self, square: f64, depth: f64, focal: f64) -> f64 {
         let distance = if square.is_nan() { f64::INFINITY } else { square.sqrt() };
         self.distance += distance;

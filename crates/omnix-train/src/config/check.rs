@@ -129,7 +129,7 @@ impl DataConfig {
         need(path.is_some() || !of_files, "data.set, data.shares and data.step", "they go with path, not with made")?;
         if let Some(set) = set {
             let known = Set::ALL.map(Set::name).join(", ");
-            need(Set::of_name(set).is_some(), "data.set", &format!("`{set}` is none of {known}"))?;
+            need(Set::of_name(set).is_some(), "data.set", &format!("`{set}` is not one of {known}"))?;
         }
         if let Some(shares) = shares {
             let sum: f64 = shares.iter().sum();

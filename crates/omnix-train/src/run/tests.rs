@@ -46,7 +46,7 @@ struct Go<'a> {
     until: u64,
     threads: usize,
     change: &'a dyn Fn(&mut Fake),
-    /// Asked to stop when so many steps are done.
+    /// Asked to stop when this number of steps is done.
     stop_at: u64,
 }
 
