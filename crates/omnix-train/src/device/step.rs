@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use omnix_data::Sample;
+use omnix_graph::profile::{Span, profile};
 use omnix_graph::{Executable, GraphError, ParameterSource, WeightStore};
 use omnix_io::Picture;
 use omnix_io::preprocess::normalise;
@@ -107,11 +108,11 @@ impl DeviceStep {
         Ok(Self { gpu, plan, optimiser, source, train, forward, averaged, update, accumulate, lists, samples: 0 })
     }
 
-    /// The numbers of every input for a sample.
+    /// The numbers of every input for a sample. `number` is the sample's, for what is drawn.
     ///
     /// # Errors
     /// A sample of another size than was planned for.
-    pub fn inputs(&self, sample: &Sample) -> Result<Vec<(String, Vec<f32>)>, TrainError> {
+    pub fn inputs(&self, sample: &Sample, number: u64) -> Result<Vec<(String, Vec<f32>)>, TrainError> {
         let [rows, columns] = self.plan.size.pixels();
         let size = [columns as u32, rows as u32];
         if sample.count() != self.plan.size.images || sample.size() != size {
@@ -129,7 +130,7 @@ impl DeviceStep {
         }
         let times: Vec<(u32, u32)> = sample.times().iter().map(|time| (time.video, time.frame)).collect();
         let codes = self.plan.codes.iter().map(|code| (code.name.clone(), code.of(&times)));
-        let targets = targets::of(sample, self.plan.moves)?;
+        let targets = targets::of(sample, self.plan.wanted, number)?;
         let targets = targets.into_iter().map(|(name, numbers)| (name.to_owned(), numbers));
         Ok(codes.chain(targets).chain([("images".to_owned(), pixels)]).collect())
     }
@@ -169,6 +170,14 @@ impl DeviceStep {
         let slot = self.plan.layout.slots.iter().find(|slot| slot.name == tensor);
         let slot = slot.ok_or_else(|| GraphError::NoSuchValue { name: tensor.to_owned() })?;
         Ok(readback::read(&self.gpu, &list.tensor(&self.plan.layout, slot)).map_err(GraphError::from)?)
+    }
+
+    /// Time of every operation of forward and backward on the inputs of the last step, then those of the update, which is carried out.
+    ///
+    /// # Errors
+    /// A device without timestamp queries, or a failure of the device.
+    pub fn profile(&self) -> Result<[Vec<Span>; 2], TrainError> {
+        Ok([profile(&self.train)?, profile(&self.update)?])
     }
 
     /// Writes the inputs of a plan and runs it.
@@ -220,7 +229,7 @@ impl Step for DeviceStep {
     }
 
     fn train(&mut self, sample: &Sample, number: u64) -> Result<LossValues, StepError> {
-        let mut inputs = self.inputs(sample)?;
+        let mut inputs = self.inputs(sample, number)?;
         // u32 in the bits of an f32: what is left out at random differs from sample to sample.
         inputs.push((DRAW.to_owned(), vec![f32::from_bits(number as u32)]));
         Ok(self.train_on(&inputs)?)
@@ -228,7 +237,7 @@ impl Step for DeviceStep {
 
     fn validate(&mut self, sample: &Sample, averaged: bool) -> Result<LossValues, StepError> {
         let plan = if averaged { self.averaged.as_ref() } else { None };
-        Ok(self.run(plan.unwrap_or(&self.forward), &self.inputs(sample)?)?)
+        Ok(self.run(plan.unwrap_or(&self.forward), &self.inputs(sample, 0)?)?)
     }
 
     fn apply(&mut self, update: &Update) -> Result<f64, StepError> {
