@@ -5,7 +5,7 @@ use omnix_kernels::Caps;
 use omnix_model::{Dropout, Network, Parts, TimeCode, TrainingSpec, manifest};
 
 use super::size::Size;
-use super::targets;
+use super::targets::{self, Wanted};
 use crate::TrainError;
 use crate::groups::{ARENA, Group, Layout, Tensor};
 use crate::loss::LossConfig;
@@ -23,7 +23,7 @@ pub struct StepPlan {
     pub codes: Vec<TimeCode>,
     /// Names of the numbers of the output [`LOSSES`].
     pub(super) losses: Vec<String>,
-    pub(super) moves: bool,
+    pub(super) wanted: Wanted,
 }
 
 /// What a step makes smaller, and by which tensors.
@@ -84,7 +84,7 @@ impl StepPlan {
             layout,
             codes: forward.codes,
             losses: forward.names,
-            moves: network.config().trajectory.is_some(),
+            wanted: Wanted { moves: network.config().trajectory.is_some(), share: loss.moving_share },
         })
     }
 

@@ -6,7 +6,8 @@ use omnix_model::{PATCH, TrainingOutputs};
 
 use super::size::Size;
 use crate::TrainError;
-use crate::loss::{Cameras, Depths, Displacements, LossConfig, Rays, Scored, Scores, Terms, Tracks};
+use crate::loss::{Cameras, Depths, Displacements, LossConfig, Rays, Scored, Scores, Terms, Tracks, still};
+use crate::random::Random;
 
 /// Rows and columns of a ray map for each patch.
 const RAYS: usize = 8;
@@ -20,6 +21,7 @@ const CAMERA_VALID: &str = "target.camera.valid";
 const PATHS: &str = "target.paths";
 const KNOWN: &str = "target.paths.known";
 const MOVING_KNOWN: &str = "target.paths.moving";
+const COUNTED: &str = "target.paths.counted";
 const LABEL: [&str; 2] = ["target.label.pixel", "target.label.token"];
 const LABELLED: [&str; 2] = ["target.labelled.pixel", "target.labelled.token"];
 
@@ -60,7 +62,7 @@ pub(super) fn terms(
         confidence,
         target,
         valid: g.input(KNOWN, [images, images, pixels]),
-        counted: None,
+        counted: config.moving_share.map(|_| g.input(COUNTED, [images, images, pixels])),
     });
     if let Some(free) = motion.ungated.filter(|_| config.weights.displacement != 0.0) {
         let valid = g.input(MOVING_KNOWN, [images, images, pixels]);
@@ -77,8 +79,21 @@ pub(super) fn terms(
     Ok(terms)
 }
 
-/// What the inputs hold for a normalised sample.
-pub(super) fn of(sample: &Sample, moves: bool) -> Result<Vec<(&'static str, Vec<f32>)>, TrainError> {
+/// What of a sample the inputs hold.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    /// Where its points go.
+    pub moves: bool,
+    /// Share of moving entries among those of the trajectory term that count.
+    pub share: Option<f64>,
+}
+
+/// What the inputs hold for a normalised sample. `number` is the sample's, for what is drawn.
+pub(super) fn of(
+    sample: &Sample,
+    Wanted { moves, share }: Wanted,
+    number: u64,
+) -> Result<Vec<(&'static str, Vec<f32>)>, TrainError> {
     let (images, pixels) = (sample.count(), sample.pixels());
     let unknown = vec![f32::NAN; pixels];
     let depth: Vec<f32> = (0..images).flat_map(|image| sample.depth(image).unwrap_or(&unknown)).copied().collect();
@@ -104,9 +119,14 @@ pub(super) fn of(sample: &Sample, moves: bool) -> Result<Vec<(&'static str, Vec<
             let image = entry / pixels / images;
             (image * images + image) * pixels + entry % pixels
         };
-        let moving = (0..known.len())
+        let moving: Vec<f32> = (0..known.len())
             .map(|i| mask(labels[source(i)] == Flag::Yes && known[i] != 0.0 && known[own(i)] != 0.0))
             .collect();
+        if let Some(share) = share {
+            let mut random = Random::new(0, "still entries", number);
+            let mut draw = |wanted: usize, left: usize| random.uniform() * (left as f64) < wanted as f64;
+            inputs.push((COUNTED, still::drawn(&moving, &known, share, &mut draw)?));
+        }
         for (at, flags) in [labels, tokens].iter().enumerate() {
             inputs.push((LABEL[at], flags.iter().map(|f| mask(*f == Flag::Yes)).collect()));
             inputs.push((LABELLED[at], flags.iter().map(|f| mask(*f != Flag::Unknown)).collect()));
