@@ -1,14 +1,15 @@
 //! A contact sheet: one row for each sample with its images, the depth of the first, what moves in it, and trails of its points.
 //!
-//! `cargo run -p omnix-scenes --example sheet -- OUT.png [first index] [rows] [width] [height] [recipe.toml]`
+//! `cargo run -p omnix-scenes --example sheet -- OUT.png [first index] [rows] [width] [height] [recipe.toml] [assets]`
 //! prints seconds a sample.
 
 use std::error::Error;
+use std::path::Path;
 use std::time::Instant;
 
 use image::{Rgb, RgbImage};
 use omnix_data::{Flag, Sample};
-use omnix_scenes::{Recipe, Samples};
+use omnix_scenes::{Assets, Recipe, Samples};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -20,7 +21,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some(path) => Recipe::parse(&std::fs::read_to_string(path)?)?,
         None => Recipe::default(),
     };
-    let samples = Samples { recipe, photos: Vec::new(), size, images: 4, visibility: false, seed: 24 };
+    let assets = arguments.get(6).map_or_else(|| Ok(Assets::default()), |path| Assets::read(Path::new(path)))?;
+    for note in &assets.notes {
+        eprintln!("{note}");
+    }
+    let samples = Samples { recipe, assets, size, images: 4, visibility: false, seed: 24 };
     let [width, height] = size.map(|v| v as u32);
     let mut sheet = RgbImage::new(7 * (width + 2), rows * (height + 2));
     let mut seconds = Vec::new();

@@ -11,7 +11,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let shared = arguments.get(3).is_some_and(|layout| layout == "omnix");
     let job = Job {
         recipe: Recipe::default(),
-        photos: Vec::new(),
+        assets: omnix_scenes::Assets::default(),
         seed: number(2, 0)?,
         scenes: number(1, 1)?,
         cameras: 16,

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::clean::Refusal;
+use crate::model::Flaw;
 
 /// An error of scenes.
 #[derive(Debug, thiserror::Error)]
@@ -28,6 +29,16 @@ pub enum ScenesError {
     Texture {
         /// Why.
         reason: String,
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// A model that cannot be used, where there is nothing else.
+    #[error("this model cannot be used: {flaw}; mend it or take it out of the folder: {path}", path = path.display())]
+    Model {
+        /// Why.
+        #[source]
+        flaw: Flaw,
         /// The file.
         path: PathBuf,
     },

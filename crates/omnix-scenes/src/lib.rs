@@ -5,10 +5,11 @@
 //! camera, Geometry    -> hits (instance, triangle, barycentrics) -> depth, paths, masks, visibility   f64
 //!                                                                -> light -> picture                  f32
 //! ```
-//! Metres and seconds; z is up. Everything is a pure function of recipe, photographs, seed and index: the same bits on any number of
+//! Metres and seconds; z is up. Everything is a pure function of recipe, assets, seed and index: the same bits on any number of
 //! threads.
 
 mod actor;
+mod assets;
 mod bvh;
 mod cast;
 mod clean;
@@ -18,6 +19,7 @@ mod lens;
 mod light;
 mod material;
 mod mesh;
+mod model;
 mod motion;
 mod noise;
 mod palette;
@@ -39,9 +41,11 @@ mod truth;
 mod view;
 mod write;
 
+pub use assets::Assets;
 pub use clean::Refusal;
 pub use error::ScenesError;
-pub use photo::{Photo, read_photos};
+pub use model::{Flaw, Model};
+pub use photo::Photo;
 pub use random::Random;
 pub use recipe::{Cameras, Places, Recipe};
 pub use sample::Samples;

@@ -46,6 +46,8 @@ pub(crate) enum Pattern {
     Poster,
     /// A photograph; one unit of scale is its width.
     Photo(Arc<Photo>),
+    /// The texture of an imported model, times the first colour: the texture position is its coordinates times the scale.
+    Wrapped(Arc<Photo>),
 }
 
 /// A surface's look.
@@ -102,6 +104,7 @@ impl Material {
         match &self.pattern {
             Pattern::Plain => self.colours[0],
             Pattern::Photo(photo) => photo.mean(),
+            Pattern::Wrapped(photo) => photo.mean() * self.colours[0],
             _ => (self.colours[0] * 2.0 + self.colours[1]) / 3.0,
         }
     }
@@ -216,6 +219,7 @@ impl Material {
             }
             Pattern::Poster => poster(q, self.colours, seed, blur),
             Pattern::Photo(photo) => photo.colour(q, blur),
+            Pattern::Wrapped(photo) => photo.wrapped(Vec2::new(p.x, p.y), blur) * a,
         }
     }
 }

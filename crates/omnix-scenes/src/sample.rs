@@ -1,17 +1,15 @@
 //! Samples for training straight from a seed, without a file.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 use omnix_data::{Dense, Flag, Motion, Sample, SampleParts, Time, Unit};
 use omnix_geometry::Camera;
 use rayon::prelude::*;
 
+use crate::assets::Assets;
 use crate::cast::{Geometry, Hit};
 use crate::clean::{Refusal, judge_colours, judge_overlap};
 use crate::error::ScenesError;
 use crate::labels::{hits, is_outside, is_seen, moves, points};
-use crate::photo::Photo;
 use crate::picture::{draw, film};
 use crate::random::Random;
 use crate::recipe::Recipe;
@@ -29,8 +27,8 @@ const MOST_PIXELS: usize = 1 << 24;
 pub struct Samples {
     /// What scenes are drawn from.
     pub recipe: Recipe,
-    /// Photographs for textures.
-    pub photos: Vec<Arc<Photo>>,
+    /// Photographs for textures, and models.
+    pub assets: Assets,
     /// Width and height of the images.
     pub size: [usize; 2],
     /// Images of a sample.
@@ -59,7 +57,7 @@ impl Samples {
         self.check()?;
         let mut reason = Refusal::Bare;
         for draw in 0..self.recipe.tries {
-            let scene = Scene::draw(&self.recipe, &self.photos, self.seed, index, draw);
+            let scene = Scene::draw(&self.recipe, &self.assets, self.seed, index, draw);
             match self.of(&scene) {
                 Err(ScenesError::Refused { reason: why, .. }) => reason = why,
                 other => return other,

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use crate::actor::Actor;
+use crate::assets::Assets;
 use crate::cast::{Geometry, Solid};
 use crate::clean::Refusal;
 use crate::error::ScenesError;
 use crate::light::Light;
 use crate::material::Material;
 use crate::palette::Photos;
-use crate::photo::Photo;
 use crate::places;
 use crate::random::Random;
 use crate::recipe::Recipe;
@@ -33,22 +33,22 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The scene of a seed and an index. The same recipe and photographs give the same scene.
+    /// The scene of a seed and an index. The same recipe and assets give the same scene.
     ///
     /// # Errors
     /// A recipe with values that cannot be.
-    pub fn compose(recipe: &Recipe, photos: &[Arc<Photo>], seed: u64, index: u64) -> Result<Self, ScenesError> {
+    pub fn compose(recipe: &Recipe, assets: &Assets, seed: u64, index: u64) -> Result<Self, ScenesError> {
         recipe.check()?;
-        Ok(Self::draw(recipe, photos, seed, index, 0))
+        Ok(Self::draw(recipe, assets, seed, index, 0))
     }
 
     /// Draw number `draw` of a scene: others are made where one is refused.
-    pub(crate) fn draw(recipe: &Recipe, photos: &[Arc<Photo>], seed: u64, index: u64, draw: usize) -> Self {
+    pub(crate) fn draw(recipe: &Recipe, assets: &Assets, seed: u64, index: u64, draw: usize) -> Self {
         let random = Random::new(seed, index, "scene").at(draw);
         let mut own = random.fork("scene");
         let [low, high] = recipe.frames_per_second;
         let frame_seconds = 1.0 / own.log_range(low, high);
-        let kit = Kit { materials: Vec::new(), photos: Photos(photos.to_vec()) };
+        let kit = Kit { materials: Vec::new(), photos: Photos(assets.photos.clone()) };
         let mut stage = Stage::new(kit, frame_seconds * recipe.frames as f64);
         let weights = recipe.places;
         let choice = [weights.room, weights.desk, weights.street, weights.field, weights.studio];

@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use omnix_data::{Flag, Sample};
 
+use crate::assets::Assets;
 use crate::cast::Geometry;
 use crate::random::Random;
 use crate::recipe::{Places, Recipe};
@@ -24,7 +25,7 @@ fn recipes() -> [Recipe; 5] {
 }
 
 fn samples(recipe: Recipe, visibility: bool) -> Samples {
-    Samples { recipe, photos: Vec::new(), size: [28, 18], images: 4, visibility, seed: 77 }
+    Samples { recipe, assets: Assets::default(), size: [28, 18], images: 4, visibility, seed: 77 }
 }
 
 /// All triangles at a time, in the world: corners, and where they come from.
@@ -100,7 +101,7 @@ fn wide(p: [f32; 3]) -> DVec3 {
 
 /// The scene that a sample was made of: the first draw whose sample is the same.
 fn scene_of(samples: &Samples, index: u64, sample: &Sample) -> Scene {
-    let draws = (0..samples.recipe.tries).map(|draw| Scene::draw(&samples.recipe, &[], samples.seed, index, draw));
+    let draws = (0..samples.recipe.tries).map(|draw| Scene::draw(&samples.recipe, &samples.assets, samples.seed, index, draw));
     let mut same = draws.filter(|scene| samples.of(scene).is_ok_and(|other| other.cameras() == sample.cameras()));
     same.next().expect("one of the draws made the sample")
 }

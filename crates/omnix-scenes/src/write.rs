@@ -8,17 +8,16 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use omnix_tensors::AtomicFile;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::assets::Assets;
 use crate::cast::{Geometry, Hit};
 use crate::clean::{Refusal, judge_colours, judge_overlap};
 use crate::error::ScenesError;
 use crate::labels::{hits, moves};
-use crate::photo::Photo;
 use crate::picture::{draw, film};
 use crate::recipe::Recipe;
 use crate::rig::Rig;
@@ -56,8 +55,8 @@ pub enum Layout {
 pub struct Job {
     /// What scenes are drawn from.
     pub recipe: Recipe,
-    /// Photographs for textures.
-    pub photos: Vec<Arc<Photo>>,
+    /// Photographs for textures, and models.
+    pub assets: Assets,
     /// All scenes follow from it and their index.
     pub seed: u64,
     /// Scenes of all shards together.
@@ -91,7 +90,7 @@ pub struct Done {
 #[derive(Debug, Serialize, Deserialize)]
 struct About {
     format: String,
-    /// Digest of what all scenes of a folder share: recipe, photographs, seed, cameras, size, layout.
+    /// Digest of what all scenes of a folder share: recipe, assets, seed, cameras, size, layout.
     job: String,
     seed: u64,
     index: u64,
@@ -184,8 +183,8 @@ impl Job {
     }
 
     fn digest(&self) -> String {
-        let photos: Vec<[f32; 3]> = self.photos.iter().map(|photo| photo.mean().to_array()).collect();
-        let all = serde_json::json!([FORMAT, &self.recipe, photos, self.seed, self.cameras, self.size, self.layout]);
+        let assets = self.assets.identity();
+        let all = serde_json::json!([FORMAT, &self.recipe, assets, self.seed, self.cameras, self.size, self.layout]);
         blake3::hash(all.to_string().as_bytes()).to_hex().to_string()
     }
 
@@ -253,7 +252,7 @@ impl Job {
     ) -> Result<(Scene, Vec<Geometry>, Vec<Rig>, usize), ScenesError> {
         let mut last = Refusal::Bare;
         for draw in 0..self.recipe.tries {
-            let scene = Scene::draw(&self.recipe, &self.photos, self.seed, index, draw);
+            let scene = Scene::draw(&self.recipe, &self.assets, self.seed, index, draw);
             let seconds = |frame: usize| frame as f64 * scene.frame_seconds();
             let states: Vec<Geometry> =
                 (0..self.recipe.frames).into_par_iter().map(|frame| scene.geometry(seconds(frame))).collect();

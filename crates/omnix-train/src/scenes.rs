@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use omnix_data::Sample;
-use omnix_scenes::{Recipe, Samples, read_photos};
+use omnix_scenes::{Assets, Recipe, Samples};
 
 use crate::TrainError;
 use crate::source::Source;
@@ -16,16 +16,16 @@ pub struct Scenes {
 
 impl Scenes {
     /// Samples of this number of images of this width and height. `recipe` is what scenes are drawn from, the standard one where it is
-    /// not given; `photos` a folder with photographs for textures.
+    /// not given; `photos` a folder with photographs for textures, and models; models that cannot be used are left out.
     ///
     /// # Errors
     /// A recipe or photographs that cannot be used.
     pub fn new(recipe: Option<&Path>, photos: Option<&Path>, images: u32, size: [u32; 2]) -> Result<Self, TrainError> {
         let recipe = recipe.map_or_else(|| Ok(Recipe::default()), Recipe::read)?;
-        let photos = photos.map_or_else(|| Ok(Vec::new()), read_photos)?;
+        let assets = photos.map_or_else(|| Ok(Assets::default()), Assets::read)?;
         let (size, images) = (size.map(|side| side as usize), images as usize);
         // No term of the objective asks what is visible.
-        Ok(Self { samples: Samples { recipe, photos, size, images, visibility: false, seed: 0 } })
+        Ok(Self { samples: Samples { recipe, assets, size, images, visibility: false, seed: 0 } })
     }
 }
 
@@ -35,7 +35,7 @@ impl Source for Scenes {
     }
 
     fn sample(&self, seed: u64, number: u64) -> Result<Sample, TrainError> {
-        // Photographs are shared, the rest is a few numbers.
+        // Assets are shared, the rest is a few numbers.
         Ok(Samples { seed, ..self.samples.clone() }.get(number)?)
     }
 }

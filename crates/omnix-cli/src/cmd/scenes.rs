@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use omnix_scenes::{Job, Layout, Recipe, read_photos};
+use omnix_scenes::{Assets, Job, Layout, Recipe};
 use serde_json::json;
 
 use crate::error::CliError;
@@ -34,7 +34,8 @@ pub(crate) struct ScenesArgs {
     /// Recipe (TOML): what scenes are drawn from.
     #[arg(long, value_name = "FILE")]
     recipe: Option<PathBuf>,
-    /// Folder of photographs (JPEG, PNG, WebP, BMP) to use as textures.
+    /// Folder of photographs to use as textures (JPEG, PNG, WebP, BMP), and of models to furnish with (OBJ, glTF, GLB, .sh3f or .zip
+    /// of them). Models that cannot be used are named and left out.
     #[arg(long, value_name = "DIR")]
     assets: Option<PathBuf>,
     /// How a scene's files lie: as in the paper's own set, or in the layout that newer trainers share.
@@ -82,9 +83,13 @@ pub(crate) fn run(args: &ScenesArgs, ui: &mut Ui) -> Result<(), CliError> {
     if let Some(frames) = args.frames {
         recipe.frames = frames;
     }
+    let assets = args.assets.as_deref().map_or_else(|| Ok(Assets::default()), Assets::read)?;
+    for note in &assets.notes {
+        ui.note(note);
+    }
     let job = Job {
         recipe,
-        photos: args.assets.as_deref().map_or(Ok(Vec::new()), read_photos)?,
+        assets,
         seed: args.seed,
         scenes: args.scenes,
         cameras: args.cameras,

@@ -5,7 +5,7 @@ use super::*;
 fn job(out: &Path) -> Job {
     Job {
         recipe: Recipe { frames: 3, ..Recipe::default() },
-        photos: Vec::new(),
+        assets: Assets::default(),
         seed: 9,
         scenes: 3,
         cameras: 2,
