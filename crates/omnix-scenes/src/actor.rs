@@ -5,6 +5,8 @@ use std::sync::Arc;
 use glam::{DAffine3, DQuat, DVec3};
 
 use crate::cast::{Placed, Solid};
+use crate::mesh::Mesh;
+use crate::model::Model;
 use crate::motion::{Joint, Motion, joint_poses};
 
 /// One thing that moves, as a whole or in parts.
@@ -21,7 +23,40 @@ pub(crate) struct Part {
     pub(crate) solid: Arc<Solid>,
     /// A joint, or the root.
     pub(crate) joint: Option<usize>,
-    pub(crate) deform: Option<Deform>,
+    pub(crate) change: Option<Change>,
+}
+
+/// What changes a part's shape.
+#[derive(Debug, Clone)]
+pub(crate) enum Change {
+    Soft(Deform),
+    Played(Played),
+}
+
+/// An animated model that plays a clip.
+#[derive(Debug, Clone)]
+pub(crate) struct Played {
+    /// One with clips.
+    pub(crate) model: Arc<Model>,
+    pub(crate) clip: usize,
+    /// Seconds of the clip a second, and its second at time 0.
+    pub(crate) rate: f64,
+    pub(crate) first: f64,
+    /// From the model's axes to the part's.
+    pub(crate) pose: DAffine3,
+}
+
+impl Change {
+    /// The part's vertices at a time.
+    fn positions(&self, mesh: &Mesh, t: f64) -> Vec<DVec3> {
+        match self {
+            Self::Soft(deform) => mesh.positions.iter().map(|&position| deform.point(position, t)).collect(),
+            Self::Played(Played { model, clip, rate, first, pose }) => {
+                let all = model.positions(*clip, first + rate * t);
+                all.into_iter().map(|position| pose.transform_point3(position)).collect()
+            }
+        }
+    }
 }
 
 /// A change of shape over time, in the part's own coordinates.
@@ -83,7 +118,7 @@ impl Deform {
 impl Actor {
     /// One rigid mesh.
     pub(crate) fn rigid(solid: Arc<Solid>, motion: Motion) -> Self {
-        Self { motion, joints: Vec::new(), parts: vec![Part { solid, joint: None, deform: None }] }
+        Self { motion, joints: Vec::new(), parts: vec![Part { solid, joint: None, change: None }] }
     }
 
     /// About the middle of the actor at a time.
@@ -105,14 +140,11 @@ impl Actor {
         let joints = joint_poses(root, &self.joints, local);
         let place = |part: &Part| {
             let pose: DAffine3 = part.joint.map_or(root, |joint| joints[joint]);
-            let solid = match &part.deform {
+            let solid = match &part.change {
                 None => Arc::clone(&part.solid),
-                Some(deform) => {
-                    let mut mesh = part.solid.mesh.clone();
-                    for position in &mut mesh.positions {
-                        *position = deform.point(*position, local);
-                    }
-                    Arc::new(Solid::new(mesh))
+                Some(change) => {
+                    let positions = change.positions(&part.solid.mesh, local);
+                    Arc::new(Solid::new(Mesh { positions, ..part.solid.mesh.clone() }))
                 }
             };
             Placed::new(solid, pose)

@@ -4,6 +4,7 @@ mod field;
 mod room;
 mod street;
 mod studio;
+mod walls;
 
 pub(crate) use field::field;
 pub(crate) use room::{desk, room};

@@ -9,6 +9,8 @@
 //! frames_per_second = [8.0, 30.0]
 //! field_of_view = [38.0, 85.0]    # across, degrees
 //! noise = [0.0, 0.03]
+//! models = [4, 16]                # imported models that stand still, least and most, where there are some
+//! model_movers = 0.35             # part of the things that move that are imported models
 //! [places]                        # weights
 //! room = 4.0
 //! ```
@@ -56,6 +58,10 @@ pub struct Recipe {
     pub motion_blur: f64,
     /// Small things a square metre of table or shelf.
     pub clutter: f64,
+    /// Imported models that stand still in a scene, least and most; fewer where there is no place for them. Without models, none.
+    pub models: [usize; 2],
+    /// Part of the things that move that are imported models, where some fit.
+    pub model_movers: f64,
     /// Draws of a scene or camera before it is given up.
     pub tries: usize,
 }
@@ -126,6 +132,8 @@ impl Default for Recipe {
             jpeg: 0.5,
             motion_blur: 0.3,
             clutter: 14.0,
+            models: [4, 16],
+            model_movers: 0.35,
             tries: 40,
         }
     }
@@ -183,6 +191,15 @@ impl Recipe {
         range("motion_blur", [self.motion_blur; 2], 0.0, 1.0, "a number from 0 to 1")?;
         range("principal", [self.principal; 2], 0.0, 0.4, "a number from 0 to 0.4")?;
         range("clutter", [self.clutter; 2], 0.0, 200.0, "a number from 0 to 200")?;
+        range("model_movers", [self.model_movers; 2], 0.0, 1.0, "a number from 0 to 1")?;
+        let [least, most] = self.models;
+        if least > most || most > 200 {
+            return Err(wrong(
+                "models",
+                format!("{:?}", self.models),
+                "two whole numbers up to 200, the smaller first",
+            ));
+        }
         let [least, most] = self.movers;
         if least > most || most > 40 {
             return Err(wrong("movers", format!("{:?}", self.movers), "two whole numbers up to 40, the smaller first"));
@@ -239,6 +256,8 @@ mod tests {
         assert_eq!(Recipe::parse("").unwrap(), Recipe::default());
         for (text, name) in [
             ("movers = [3, 2]", "movers"),
+            ("models = [3, 2]", "models"),
+            ("model_movers = nan", "model_movers"),
             ("speed = [0.0, 1.0]", "speed"),
             ("field_of_view = [60.0, 50.0]", "field_of_view"),
             ("frames_per_second = [nan, 1.0]", "frames_per_second"),

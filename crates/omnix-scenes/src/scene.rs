@@ -17,6 +17,9 @@ use crate::rig::Rig;
 use crate::stage::{Spot, Stage};
 use crate::things::Kit;
 
+/// Triangles of all imported models of a scene.
+const MOST_IMPORTED: usize = 600_000;
+
 /// A dynamic scene.
 #[derive(Debug)]
 pub struct Scene {
@@ -48,7 +51,15 @@ impl Scene {
         let mut own = random.fork("scene");
         let [low, high] = recipe.frames_per_second;
         let frame_seconds = 1.0 / own.log_range(low, high);
-        let kit = Kit { materials: Vec::new(), photos: Photos(assets.photos.clone()) };
+        let [least, most] = recipe.models;
+        let kit = Kit {
+            photos: Photos(assets.photos.clone()),
+            models: assets.models.clone(),
+            left: random.fork("models").count(least, most),
+            triangles: MOST_IMPORTED,
+            share: 0.3,
+            ..Kit::default()
+        };
         let mut stage = Stage::new(kit, frame_seconds * recipe.frames as f64);
         let weights = recipe.places;
         let choice = [weights.room, weights.desk, weights.street, weights.field, weights.studio];

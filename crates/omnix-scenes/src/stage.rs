@@ -75,7 +75,7 @@ impl Stage {
         let count = random.count(least, most).min(random.count(least, most));
         for k in 0..count {
             let mut random = random.at(k);
-            let actor = mover(&mut self.kit, &mut random, arena);
+            let actor = mover(&mut self.kit, &mut random, arena, recipe.model_movers);
             self.actors.push(actor);
         }
     }

@@ -5,6 +5,7 @@ use omnix_data::{Flag, Sample};
 
 use crate::assets::Assets;
 use crate::cast::Geometry;
+use crate::model::samples::{BOX, flower};
 use crate::random::Random;
 use crate::recipe::{Places, Recipe};
 use crate::sample::Samples;
@@ -22,6 +23,14 @@ fn recipes() -> [Recipe; 5] {
         of(Places { field: 1.0, ..NONE }),
         of(Places { studio: 1.0, ..NONE }),
     ]
+}
+
+/// A box and a figure that moves, from files.
+fn assets() -> Assets {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("box.obj"), BOX).unwrap();
+    std::fs::write(dir.path().join("flower.glb"), flower().glb()).unwrap();
+    Assets::read(dir.path()).unwrap()
 }
 
 fn samples(recipe: Recipe, visibility: bool) -> Samples {
@@ -101,7 +110,8 @@ fn wide(p: [f32; 3]) -> DVec3 {
 
 /// The scene that a sample was made of: the first draw whose sample is the same.
 fn scene_of(samples: &Samples, index: u64, sample: &Sample) -> Scene {
-    let draws = (0..samples.recipe.tries).map(|draw| Scene::draw(&samples.recipe, &samples.assets, samples.seed, index, draw));
+    let draws =
+        (0..samples.recipe.tries).map(|draw| Scene::draw(&samples.recipe, &samples.assets, samples.seed, index, draw));
     let mut same = draws.filter(|scene| samples.of(scene).is_ok_and(|other| other.cameras() == sample.cameras()));
     same.next().expect("one of the draws made the sample")
 }
@@ -110,8 +120,14 @@ fn scene_of(samples: &Samples, index: u64, sample: &Sample) -> Scene {
 fn labels_are_those_of_brute_force() {
     let mut random = Random::new(5, 0, "truth");
     let (mut depths, mut paths, mut moved, mut seen, mut hidden) = (0, 0, 0, 0, 0);
-    for recipe in recipes() {
-        let samples = samples(recipe, true);
+    let plain = recipes().map(|recipe| samples(recipe, true));
+    // Rooms and studios with imported models, whose movers are all imported.
+    let [room, _, _, _, studio] = recipes();
+    let imported = [room, studio].map(|recipe| {
+        let recipe = Recipe { models: [8, 8], model_movers: 1.0, ..recipe };
+        Samples { assets: assets(), ..samples(recipe, true) }
+    });
+    for samples in plain.into_iter().chain(imported) {
         let sample = samples.get(3).unwrap();
         let scene = scene_of(&samples, 3, &sample);
         let instances = 1 + scene.actors.iter().map(|actor| actor.parts.len() as u32).sum::<u32>();
@@ -214,6 +230,25 @@ fn visible_points_are_where_the_depth_of_the_other_image_is() {
         }
     }
     assert!(count > 1000 && alike * 100 > count * 85, "{alike} of {count}");
+}
+
+#[test]
+fn imported_models_are_a_function_of_the_seed_and_change_nothing_without_them() {
+    let recipe = Recipe { places: Places { room: 1.0, ..NONE }, still: 0.0, model_movers: 1.0, ..Recipe::default() };
+    let with = |assets: &Assets, models| {
+        let recipe = Recipe { models, ..recipe.clone() };
+        let scene = Scene::compose(&recipe, assets, 5, 2).unwrap();
+        let shape = scene.geometry(0.1);
+        (scene.triangles(), shape.instance(0).0.mesh.positions.clone(), scene.actors.len())
+    };
+    let (assets, none) = (assets(), Assets::default());
+    assert!(with(&assets, [6, 6]) == with(&assets, [6, 6]));
+    assert!(with(&assets, [6, 6]).1 != with(&assets, [3, 3]).1);
+    assert!(with(&none, [6, 6]) == with(&none, [0, 0]));
+    // Models that move by themselves are among the movers of a few scenes.
+    let figures = (0..6).flat_map(|index| Scene::compose(&recipe, &assets, 5, index).unwrap().actors);
+    let played = figures.filter(|actor| matches!(actor.parts[0].change, Some(crate::actor::Change::Played(_)))).count();
+    assert!(played > 2, "{played}");
 }
 
 #[test]

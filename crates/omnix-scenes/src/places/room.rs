@@ -5,6 +5,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
+use super::walls::{Room, Wall, panelled};
 use crate::light::Lamp;
 use crate::mesh::Mesh;
 use crate::palette;
@@ -13,54 +14,9 @@ use crate::recipe::Recipe;
 use crate::shapes::{block, cuboid, cylinder, frame, sphere};
 use crate::stage::{Spot, Stage, daylight};
 use crate::things::{
-    Arena, Piece, bed, cabinet, chair, curtain, desk as desk_piece, house, lamp, object, picture, plant, rug, shelf,
-    sofa, table, tree,
+    Arena, Piece, bed, cabinet, chair, curtain, desk as desk_piece, hanging, house, lamp, object, picture, piece,
+    plant, rug, shelf, sofa, table, tree,
 };
-
-/// A room's measures.
-struct Room {
-    width: f64,
-    depth: f64,
-    height: f64,
-}
-
-/// A wall: where it begins, along which direction, how long. The room is on its left.
-#[derive(Clone, Copy)]
-struct Wall {
-    from: DVec3,
-    along: DVec3,
-    length: f64,
-}
-
-impl Wall {
-    /// Into the room.
-    fn inward(&self) -> DVec3 {
-        DVec3::Z.cross(self.along)
-    }
-
-    /// Turns a thing whose back is towards +y with its back to the wall, its middle at a place along it.
-    fn against(&self, mesh: Mesh, place: f64, away: f64, z: f64) -> Mesh {
-        let angle = self.along.y.atan2(self.along.x) + std::f64::consts::PI;
-        mesh.turned(angle).moved(self.from + self.along * place + self.inward() * away + DVec3::Z * z)
-    }
-}
-
-impl Room {
-    fn walls(&self) -> [Wall; 4] {
-        let (w, d) = (self.width, self.depth);
-        let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);
-        [
-            Wall { from: corner(0.0, 0.0), along: DVec3::X, length: w },
-            Wall { from: corner(w, 0.0), along: DVec3::Y, length: d },
-            Wall { from: corner(w, d), along: DVec3::NEG_X, length: w },
-            Wall { from: corner(0.0, d), along: DVec3::NEG_Y, length: d },
-        ]
-    }
-
-    fn area(&self) -> f64 {
-        2.0 * (self.width * self.depth + (self.width + self.depth) * self.height)
-    }
-}
 
 /// A room with furniture, people and things.
 pub(crate) fn room(stage: &mut Stage, random: &Random, recipe: &Recipe) {
@@ -228,35 +184,10 @@ fn shell(stage: &mut Stage, random: &mut Random, room: &Room) {
     outside_view(stage, random, room);
 }
 
-/// A wall of single faces about its openings, with reveals.
-fn panelled(wall: &Wall, holes: &[[f64; 4]], height: f64) -> Mesh {
-    let mut mesh = Mesh::default();
-    let point = |x: f64, z: f64, back: f64| wall.from + wall.along * x + DVec3::Z * z - wall.inward() * back;
-    let mut piece = |a: f64, b: f64, low: f64, high: f64| {
-        if b > a && high > low {
-            // From inside the room, the wall's direction goes to the left.
-            mesh.face([point(b, low, 0.0), point(a, low, 0.0), point(a, high, 0.0), point(b, high, 0.0)]);
-        }
-    };
-    let mut x = 0.0;
-    for &[a, b, low, high] in holes {
-        piece(x, a, 0.0, height);
-        piece(a, b, 0.0, low);
-        piece(a, b, high, height);
-        x = b;
-    }
-    piece(x, wall.length, 0.0, height);
-    for &[a, b, low, high] in holes {
-        for [p, q] in [[(a, low), (a, high)], [(a, high), (b, high)], [(b, high), (b, low)], [(b, low), (a, low)]] {
-            mesh.face([point(p.0, p.1, 0.0), point(q.0, q.1, 0.0), point(q.0, q.1, 0.16), point(p.0, p.1, 0.16)]);
-        }
-    }
-    mesh
-}
-
 /// A door, pictures, hanging shelves.
 fn decorate(stage: &mut Stage, random: &mut Random, room: &Room, wall: &Wall, trim: u16) {
-    if random.chance(0.4) {
+    let has_door = random.chance(0.4);
+    if has_door {
         let door = match random.below(3) {
             0 => palette::white(random),
             1 => palette::wood(random, false),
@@ -269,9 +200,20 @@ fn decorate(stage: &mut Stage, random: &mut Random, room: &Room, wall: &Wall, tr
         stage.still.add(&wall.against(frame(1.0, 2.08, 0.08, 0.06).with(trim), place, 0.0, 1.02));
         stage.still.add(&wall.against(sphere(0.03, 10, 6).with(metal), place + 0.33, 0.06, 1.0));
     }
+    // What hangs on a wall starts at the left of its free part and leaves its own width.
+    let mut right = 0.1;
+    for _ in 0..if has_door { 0 } else { 2 } {
+        let Some((mesh, size, z)) = hanging(&mut stage.kit, random, false) else { break };
+        right += random.range(0.0, 0.8);
+        if right + size.x < wall.length - 0.1 && z + size.z < room.height {
+            stage.still.add(&wall.against(mesh, right + size.x / 2.0, 0.002, z));
+            right += size.x;
+        }
+    }
     for _ in 0..random.below(4) {
         let mesh = picture(&mut stage.kit, random);
-        let place = random.range(0.4, (wall.length - 0.4).max(0.5));
+        let last = (wall.length - 0.4).max(0.5);
+        let place = random.range((right + 0.3).max(0.4).min(last), last);
         let z = random.range(1.2, room.height - 0.7);
         stage.still.add(&wall.against(mesh, place, 0.015, z));
     }
@@ -305,7 +247,12 @@ fn furnish(stage: &mut Stage, random: &mut Random, recipe: &Recipe, room: &Room)
     for wall in room.walls() {
         let mut place = random.range(0.1, 0.6);
         for _ in 0..6 {
-            let piece = along_wall(stage, random).filled(&mut stage.kit, random, recipe.clutter);
+            let most = DVec3::new(wall.length - 0.1 - place, room.width.min(room.depth) * 0.45, room.height - 0.05);
+            let piece = piece(&mut stage.kit, random, 0.6, most).unwrap_or_else(|| along_wall(stage, random)).filled(
+                &mut stage.kit,
+                random,
+                recipe.clutter,
+            );
             let half = piece.half;
             if place + half.x * 2.0 > wall.length - 0.1 {
                 break;
@@ -324,6 +271,21 @@ fn furnish(stage: &mut Stage, random: &mut Random, recipe: &Recipe, room: &Room)
     if random.chance(0.5) {
         let rug = rug(&mut stage.kit, random);
         stage.still.add(&rug.mesh.turned(random.range(-0.3, 0.3)).moved(middle.extend(0.0)));
+    }
+    if let Some((mesh, size, _)) = hanging(&mut stage.kit, random, true) {
+        stage.still.add(&mesh.moved(middle.extend(room.height - size.z)));
+    }
+    // Models that are left stand about, in front of what stands at the walls.
+    for _ in 0..stage.kit.left.min(6) {
+        let most = DVec3::new(w * 0.4, d * 0.4, room.height - 0.3);
+        let Some(piece) = piece(&mut stage.kit, random, 0.5, most) else { continue };
+        let radius = piece.half.length();
+        let edge = DVec2::splat(radius + 0.05);
+        let centre = random.inside(edge, (DVec2::new(w, d) - edge).max(edge));
+        if stage.take(centre, radius * 0.9) {
+            let piece = piece.filled(&mut stage.kit, random, recipe.clutter);
+            stage.still.add(&piece.mesh.turned(random.range(0.0, 6.3)).moved(centre.extend(0.0)));
+        }
     }
     if random.chance(0.55) {
         let piece = table(&mut stage.kit, random).filled(&mut stage.kit, random, recipe.clutter);

@@ -9,9 +9,13 @@ use crate::shapes::{
     block, capsule, cone, cuboid, cylinder, lathe, prism, rock, rounded, sphere, superquadric, torus, tube,
 };
 use crate::things::Kit;
+use crate::things::imported::small;
 
-/// A thing of about this height or width in metres.
+/// A thing of about this height or width in metres, made or imported.
 pub(crate) fn object(kit: &mut Kit, random: &mut Random, size: f64) -> Mesh {
+    if let Some(mesh) = small(kit, random, size) {
+        return mesh;
+    }
     let kind = random.weighted(&[1.5, 1.5, 1.2, 1.2, 1.0, 1.0, 0.8, 0.8, 1.0, 0.7, 0.8, 0.7, 0.7, 0.7]);
     let mesh = match kind {
         0 => package(kit, random, size),

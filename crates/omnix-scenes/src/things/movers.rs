@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec2, DVec3};
 
-use crate::actor::{Actor, Deform, DeformKind, Part};
+use crate::actor::{Actor, Change, Deform, DeformKind, Part};
 use crate::cast::Solid;
 use crate::mesh::Mesh;
 use crate::motion::{Angle, Clock, Joint, Motion, Track, Turn};
@@ -12,65 +12,45 @@ use crate::palette;
 use crate::random::Random;
 use crate::shapes::{block, capsule, cuboid, cylinder, lathe, rock, rounded, sheet, sphere};
 use crate::things::walker::way;
-use crate::things::{Kit, animal, object, walker};
+use crate::things::{Arena, Kit, animal, figure, object, walker};
 
-/// Where things move, and for how long.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Arena {
-    /// The rectangle on the floor.
-    pub(crate) low: DVec2,
-    pub(crate) high: DVec2,
-    pub(crate) floor: f64,
-    /// Height of the space above the floor.
-    pub(crate) tall: f64,
-    /// Of the scene.
-    pub(crate) seconds: f64,
-    /// Arena widths a second: from slow to fast.
-    pub(crate) speed: [f64; 2],
-    /// Whether people fit.
-    pub(crate) people: bool,
+/// Something that moves; an imported model with the given probability, where there are some that fit.
+pub(crate) fn mover(kit: &mut Kit, random: &mut Random, arena: &Arena, imported: f64) -> Actor {
+    let imported = !kit.models.is_empty() && random.fork("imported").chance(imported);
+    if imported && let Some(actor) = figure(kit, &mut random.fork("figure"), arena) {
+        return actor;
+    }
+    // Of what moves, this draw decides alone whether it is a model.
+    let share = std::mem::replace(&mut kit.share, if imported { 1.0 } else { 0.0 });
+    let actor = if imported { thing(kit, random, arena) } else { drawn(kit, random, arena) };
+    kit.share = share;
+    actor
 }
 
-impl Arena {
-    fn width(&self) -> f64 {
-        (self.high - self.low).min_element()
-    }
-
-    fn middle(&self) -> DVec3 {
-        ((self.low + self.high) / 2.0).extend(self.floor)
-    }
-
-    fn point(&self, random: &mut Random, z: [f64; 2]) -> DVec3 {
-        random.inside(self.low, self.high).extend(self.floor + self.tall * random.within(z))
-    }
-
-    /// Metres that a thing goes while the scene lasts.
-    fn distance(&self, random: &mut Random) -> f64 {
-        random.log_range(self.speed[0], self.speed[1]) * self.width() * self.seconds
-    }
-
-    fn clock(&self, random: &mut Random) -> Clock {
-        if random.chance(0.7) {
-            return Clock::ALWAYS;
-        }
-        let start = random.range(0.0, 0.4) * self.seconds;
-        Clock { start, stop: start + random.range(0.4, 1.0) * self.seconds }
+/// A small thing that moves as a whole.
+fn thing(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
+    match random.weighted(&[1.5, 1.0, 0.6, 0.6, 0.8, 1.5]) {
+        0 => carried(kit, random, arena),
+        1 => thrown(kit, random, arena),
+        2 => swinging(kit, random, arena),
+        3 => hovering(kit, random, arena),
+        4 => spinning(kit, random, arena),
+        _ => sliding(kit, random, arena),
     }
 }
 
-/// Something that moves.
-pub(crate) fn mover(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
+fn drawn(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
     let people = if arena.people { 1.0 } else { 0.0 };
     match random.weighted(&[2.5 * people, 0.8 * people, 1.6, 1.0, 1.3, 0.8, 0.8, 0.8, 1.0, 0.7, 0.7, 0.5, 0.6, 0.9]) {
         0 => {
             let speed = if random.chance(0.2) { 0.0 } else { random.range(0.5, 2.0) };
-            let motion = strolling(random, arena, speed);
+            let motion = arena.strolling(random, speed);
             let height = if random.chance(0.15) { random.range(0.9, 1.4) } else { random.range(1.5, 1.95) };
             walker(kit, random, height, speed, motion)
         }
         1 => {
             let speed = random.range(0.2, 1.5);
-            let motion = strolling(random, arena, speed);
+            let motion = arena.strolling(random, speed);
             let height = random.log_range(0.25, 0.7);
             animal(kit, random, height, speed, motion)
         }
@@ -89,23 +69,9 @@ pub(crate) fn mover(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor 
     }
 }
 
-fn size(random: &mut Random, arena: &Arena) -> f64 {
-    arena.width() * random.log_range(0.1, 0.35)
-}
-
-fn strolling(random: &mut Random, arena: &Arena, speed: f64) -> Motion {
-    let length = speed * arena.seconds;
-    if speed == 0.0 {
-        let turn = Turn::Fixed(DQuat::from_rotation_z(random.range(0.0, 6.3)));
-        return Motion { track: Track::Fixed(arena.point(random, [0.0, 0.0])), turn, clock: Clock::ALWAYS };
-    }
-    let points = way(random, arena.low, arena.high, arena.floor, length);
-    Motion { track: Track::Spline { points, seconds: arena.seconds }, turn: Turn::Ahead, clock: Clock::ALWAYS }
-}
-
 /// Through the air along a curve, as if by an invisible hand.
 fn carried(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena);
+    let size = arena.size(random);
     let mesh = centred(object(kit, random, size));
     let length = arena.distance(random);
     let mut at = arena.point(random, [0.15, 0.6]);
@@ -122,7 +88,7 @@ fn carried(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
 }
 
 fn rolling(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let radius = size(random, arena) * 0.4;
+    let radius = arena.size(random) * 0.4;
     let material = palette::any(random, &kit.photos);
     let mesh = kit.made(sphere(radius, 24, 12), material);
     let length = arena.distance(random);
@@ -132,7 +98,7 @@ fn rolling(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
 }
 
 fn sliding(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena);
+    let size = arena.size(random);
     let mesh = object(kit, random, size);
     let length = arena.distance(random);
     let points = way(random, arena.low, arena.high, arena.floor, length);
@@ -146,7 +112,7 @@ fn sliding(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
 }
 
 fn thrown(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena) * 0.8;
+    let size = arena.size(random) * 0.8;
     let mesh = centred(object(kit, random, size));
     let from = arena.point(random, [0.2, 0.8]);
     let aim = (arena.middle() - from).with_z(0.0).normalize_or(DVec3::X);
@@ -160,7 +126,7 @@ fn thrown(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
 }
 
 fn swinging(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena);
+    let size = arena.size(random);
     let arm = arena.tall * random.range(0.3, 0.6);
     let mut mesh = centred(object(kit, random, size));
     let rope = kit.slot(palette::metal(random));
@@ -180,7 +146,7 @@ fn swinging(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
 }
 
 fn hovering(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena);
+    let size = arena.size(random);
     let mesh = centred(object(kit, random, size));
     let centre = arena.point(random, [0.25, 0.6]);
     let by = DVec3::splat(arena.width()) * random.log_range(0.03, 0.3);
@@ -190,7 +156,7 @@ fn hovering(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
 }
 
 fn spinning(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena) * 1.2;
+    let size = arena.size(random) * 1.2;
     let mesh = object(kit, random, size);
     let rate = random.log_range(0.3, 8.0) * random.sign();
     let turn = Turn::Spin { axis: DVec3::Z, rate, first: DQuat::IDENTITY };
@@ -207,7 +173,7 @@ fn arm(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
     let mut joints = Vec::new();
     let mut parts = Vec::new();
     let foot = cylinder(length * 0.4, length * 0.25, 20).with(dark);
-    parts.push(Part { solid: Arc::new(Solid::new(foot)), joint: None, deform: None });
+    parts.push(Part { solid: Arc::new(Solid::new(foot)), joint: None, change: None });
     for k in 0..links {
         let axis = if k == 0 { DVec3::Z } else { DVec3::Y };
         let by = random.range(0.1, 0.7);
@@ -225,7 +191,7 @@ fn arm(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
                 link.add(&cuboid(DVec3::new(thick * 0.5, thick * 0.25, thick * 2.0)).moved(at).with(dark));
             }
         }
-        parts.push(Part { solid: Arc::new(Solid::new(link)), joint: Some(k), deform: None });
+        parts.push(Part { solid: Arc::new(Solid::new(link)), joint: Some(k), change: None });
     }
     let motion = Motion::fixed(arena.point(random, [0.0, 0.0]));
     Actor { motion, joints, parts }
@@ -233,7 +199,7 @@ fn arm(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
 
 /// A fan: blades that turn on an axle before a stand.
 fn fan(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena) * 1.3;
+    let size = arena.size(random) * 1.3;
     let (shell, blade) = (kit.slot(palette::paint(random)), kit.slot(palette::any(random, &kit.photos.clone())));
     let (high, count) = (size * random.range(0.7, 1.2), random.count(2, 6));
     let stand = Mesh::joined(&[cylinder(size * 0.25, size * 0.05, 20), cylinder(size * 0.04, high, 10)]).with(shell);
@@ -246,7 +212,7 @@ fn fan(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
     }
     let angle = Angle::Steady { rate: random.log_range(0.5, 12.0) * random.sign(), phase: random.range(0.0, 6.3) };
     let place = DVec3::new(0.0, -size * 0.05, high);
-    let part = |mesh, joint| Part { solid: Arc::new(Solid::new(mesh)), joint, deform: None };
+    let part = |mesh, joint| Part { solid: Arc::new(Solid::new(mesh)), joint, change: None };
     let motion = Motion {
         track: Track::Fixed(arena.point(random, [0.0, 0.0])),
         turn: Turn::Fixed(DQuat::from_rotation_z(random.range(0.0, 6.3))),
@@ -258,7 +224,7 @@ fn fan(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
 
 /// A box whose lid turns on its hinge and whose drawer slides out.
 fn chest(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena) * 1.2;
+    let size = arena.size(random) * 1.2;
     let half = DVec3::new(random.range(0.4, 0.8), random.range(0.3, 0.5), random.range(0.25, 0.6)) * size;
     let (body, inner) = (kit.slot(palette::any(random, &kit.photos.clone())), kit.slot(palette::paint(random)));
     let wall = half.min_element() * 0.08;
@@ -300,7 +266,7 @@ fn chest(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
             slides: true,
         },
     ];
-    let part = |mesh, joint| Part { solid: Arc::new(Solid::new(mesh)), joint, deform: None };
+    let part = |mesh, joint| Part { solid: Arc::new(Solid::new(mesh)), joint, change: None };
     let motion = Motion {
         track: Track::Fixed(arena.point(random, [0.0, 0.0])),
         turn: Turn::Fixed(DQuat::from_rotation_z(random.range(0.0, 6.3))),
@@ -315,7 +281,7 @@ fn chest(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
 
 /// Something that changes its shape.
 fn soft(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena);
+    let size = arena.size(random);
     let material = palette::any(random, &kit.photos);
     let photos = kit.photos.clone();
     let (kind, mesh) = match random.below(5) {
@@ -342,7 +308,7 @@ fn soft(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
         let points = way(random, arena.low, arena.high, arena.floor - low, length);
         Motion { track: Track::Spline { points, seconds: arena.seconds }, turn: Turn::Ahead, clock: Clock::ALWAYS }
     };
-    Actor { motion, joints: Vec::new(), parts: vec![Part { solid, joint: None, deform: Some(deform) }] }
+    Actor { motion, joints: Vec::new(), parts: vec![Part { solid, joint: None, change: Some(Change::Soft(deform)) }] }
 }
 
 /// A column of many rings.
@@ -360,7 +326,7 @@ fn tall(random: &mut Random, size: f64) -> Mesh {
 
 /// A cloth in the wind, on a pole.
 fn flag(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
-    let size = size(random, arena) * 1.5;
+    let size = arena.size(random) * 1.5;
     let cloth = if random.chance(0.5) {
         palette::cloth(random, &kit.photos)
     } else {
@@ -374,11 +340,12 @@ fn flag(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Actor {
         phase: random.range(0.0, 6.3),
         size,
     };
-    let cloth = Part { solid: Arc::new(Solid::new(kit.made(upright, cloth))), joint: None, deform: Some(deform) };
+    let cloth =
+        Part { solid: Arc::new(Solid::new(kit.made(upright, cloth))), joint: None, change: Some(Change::Soft(deform)) };
     let high = size * random.range(0.6, 1.2);
     let metal = palette::metal(random);
     let pole = block(DVec3::new(-0.02 * size, -0.02 * size, -high), DVec3::new(0.0, 0.02 * size, size * 0.4));
-    let pole = Part { solid: Arc::new(Solid::new(kit.made(pole, metal))), joint: None, deform: None };
+    let pole = Part { solid: Arc::new(Solid::new(kit.made(pole, metal))), joint: None, change: None };
     let turn = Turn::Fixed(DQuat::from_rotation_z(random.range(0.0, 6.3)));
     let track = Track::Fixed(arena.point(random, [0.0, 0.0]) + DVec3::Z * high);
     let motion = Motion { track, turn, clock: Clock::ALWAYS };

@@ -30,7 +30,7 @@ impl Figure {
     }
 
     fn part(&mut self, joint: usize, mesh: Mesh) {
-        self.parts.push(Part { solid: Arc::new(Solid::new(mesh)), joint: Some(joint), deform: None });
+        self.parts.push(Part { solid: Arc::new(Solid::new(mesh)), joint: Some(joint), change: None });
     }
 }
 
