@@ -33,11 +33,13 @@ mod sample;
 mod scene;
 mod shade;
 mod shapes;
+mod shots;
 mod smear;
 mod stage;
 mod things;
 #[cfg(test)]
 mod truth;
+mod validation;
 mod view;
 mod write;
 
@@ -47,8 +49,10 @@ pub use error::ScenesError;
 pub use model::{Flaw, Model};
 pub use photo::Photo;
 pub use random::Random;
-pub use recipe::{Cameras, Places, Recipe};
+pub use recipe::{Cameras, Inputs, Places, Recipe};
 pub use sample::Samples;
 pub use scene::Scene;
+pub use shots::Input;
+pub use validation::{VALIDATION_SAMPLES, validation};
 pub use view::{PIXEL_CENTRE, View};
 pub use write::{Done, Job, Layout};

@@ -11,6 +11,7 @@
 //! noise = [0.0, 0.03]
 //! models = [4, 16]                # imported models that stand still, least and most, where there are some
 //! model_movers = 0.35             # part of the things that move that are imported models
+//! inputs = "drawn"                # the kind of input of each sample; or "in-turn", each in its turn by the sample's index
 //! [places]                        # weights
 //! room = 4.0
 //! ```
@@ -62,8 +63,21 @@ pub struct Recipe {
     pub models: [usize; 2],
     /// Part of the things that move that are imported models, where some fit.
     pub model_movers: f64,
+    /// How the kind of input of a sample is chosen; scenes that are written to files do not depend on it.
+    pub inputs: Inputs,
     /// Draws of a scene or camera before it is given up.
     pub tries: usize,
+}
+
+/// How the kind of input of a sample is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Inputs {
+    /// One camera 7 times of 10, several videos and photographs with a video 3 times of 20 each.
+    Drawn,
+    /// One camera, several videos, photographs with a video, by the sample's index modulo 3.
+    InTurn,
 }
 
 /// Weights of the kinds of places.
@@ -134,6 +148,7 @@ impl Default for Recipe {
             clutter: 14.0,
             models: [4, 16],
             model_movers: 0.35,
+            inputs: Inputs::Drawn,
             tries: 40,
         }
     }
@@ -257,6 +272,7 @@ mod tests {
         for (text, name) in [
             ("movers = [3, 2]", "movers"),
             ("models = [3, 2]", "models"),
+            ("inputs = \"some\"", "inputs"),
             ("model_movers = nan", "model_movers"),
             ("speed = [0.0, 1.0]", "speed"),
             ("field_of_view = [60.0, 50.0]", "field_of_view"),

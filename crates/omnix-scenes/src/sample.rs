@@ -11,9 +11,9 @@ use crate::clean::{Refusal, judge_colours, judge_overlap};
 use crate::error::ScenesError;
 use crate::labels::{hits, is_outside, is_seen, moves, points};
 use crate::picture::{draw, film};
-use crate::random::Random;
 use crate::recipe::Recipe;
 use crate::scene::Scene;
+use crate::shots::{Shot, shots};
 use crate::smear::Later;
 use crate::view::View;
 
@@ -37,15 +37,6 @@ pub struct Samples {
     pub visibility: bool,
     /// All samples follow from it and their index.
     pub seed: u64,
-}
-
-/// One image that is wanted: which of the scene's cameras takes it, and when.
-#[derive(Debug, Clone, Copy)]
-struct Shot {
-    rig: usize,
-    moment: usize,
-    video: u32,
-    frame: u32,
 }
 
 impl Samples {
@@ -84,7 +75,8 @@ impl Samples {
     /// A sample of a scene.
     pub(crate) fn of(&self, scene: &Scene) -> Result<Sample, ScenesError> {
         let random = scene.random.fork("sample");
-        let shots = shots(&mut random.fork("shots"), self.images, self.recipe.frames);
+        let shots =
+            shots(&mut random.fork("shots"), self.images, self.recipe.frames, self.recipe.inputs, scene.index());
         let mut moments: Vec<usize> = shots.iter().map(|shot| shot.moment).collect();
         moments.sort_unstable();
         moments.dedup();
@@ -145,7 +137,7 @@ impl Samples {
         let parts = SampleParts {
             size: self.size.map(|v| v as u32),
             images: images.concat(),
-            times: shots.iter().map(|shot| shot.time(scene)).collect(),
+            times: shots.iter().map(|shot| time(shot, scene)).collect(),
             cameras: views.iter().map(camera).collect(),
             depth: Some(hits.iter().flatten().map(far).collect()),
             moving: Some(moving),
@@ -156,45 +148,11 @@ impl Samples {
     }
 }
 
-impl Shot {
-    fn time(self, scene: &Scene) -> Time {
-        let seconds = Some(self.moment as f64 * scene.frame_seconds());
-        Time { video: self.video, frame: self.frame, moment: self.moment as u32, seconds }
-    }
+fn time(shot: &Shot, scene: &Scene) -> Time {
+    let seconds = Some(shot.moment as f64 * scene.frame_seconds());
+    Time { video: shot.video, frame: shot.frame, moment: shot.moment as u32, seconds }
 }
 
 fn camera(view: &View) -> Camera {
     Camera { extrinsics: view.extrinsics(), intrinsics: view.intrinsics() }
-}
-
-/// Images of one camera (7 of 10), of two cameras one after the other, or of several cameras at one time and then of one over time
-/// (`spec/omnix.md` 11.4).
-fn shots(random: &mut Random, count: usize, frames: usize) -> Vec<Shot> {
-    let step = random.count(1, 2).min((frames - 1) / count.max(1)).max(1);
-    let span = (count - 1) * step + 1;
-    let first = random.below(frames.saturating_sub(span) + 1);
-    let moment = |k: usize| (first + k * step).min(frames - 1);
-    let one = |k: usize| Shot { rig: 0, moment: moment(k), video: 0, frame: (k * step) as u32 };
-    if count < 3 {
-        return (0..count).map(one).collect();
-    }
-    match random.weighted(&[0.7, 0.15, 0.15]) {
-        0 => (0..count).map(one).collect(),
-        1 => {
-            let half = count.div_ceil(2);
-            let second = |k: usize| Shot { rig: 1, video: 1, frame: ((k - half) * step) as u32, ..one(k) };
-            (0..count).map(|k| if k < half { one(k) } else { second(k) }).collect()
-        }
-        _ => {
-            let photos = random.count(1, (count - 2).min(6));
-            let photo = |k: usize| Shot { rig: k + 1, moment: moment(0), video: k as u32, frame: 0 };
-            let video = |k: usize| Shot {
-                video: photos as u32,
-                frame: ((k - photos) * step) as u32,
-                moment: moment(k - photos),
-                rig: 0,
-            };
-            (0..count).map(|k| if k < photos { photo(k) } else { video(k) }).collect()
-        }
-    }
 }

@@ -105,6 +105,10 @@ impl Scene {
         self.place
     }
 
+    pub(crate) const fn index(&self) -> u64 {
+        self.index
+    }
+
     /// Number of triangles.
     #[must_use]
     pub fn triangles(&self) -> usize {
