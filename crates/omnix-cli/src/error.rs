@@ -331,7 +331,10 @@ fn training_code(error: &TrainError) -> u8 {
 fn scenes_code(error: &ScenesError) -> u8 {
     match error {
         ScenesError::Recipe { .. } | ScenesError::Parse(_) => 2,
-        ScenesError::Texture { .. } | ScenesError::Read { .. } | ScenesError::OtherJob { .. } => 3,
+        ScenesError::Texture { .. }
+        | ScenesError::Model { .. }
+        | ScenesError::Read { .. }
+        | ScenesError::OtherJob { .. } => 3,
         ScenesError::Write { .. } | ScenesError::InUse { .. } => 6,
         ScenesError::Stopped => 130,
         _ => 1,
