@@ -89,6 +89,9 @@ pub enum EvalError {
         /// The largest difference that counts as the same time.
         tolerance: f64,
     },
+    /// A sample of ground truth that cannot be used.
+    #[error(transparent)]
+    Sample(#[from] omnix_data::DataError),
     /// Nothing that could be scored.
     #[error("nothing can be scored: {reason}")]
     Nothing {

@@ -3,6 +3,7 @@
 //! * [`depth`]: video depth (Abs Rel, delta, RMSE) under one alignment per sequence.
 //! * [`pose`]: camera trajectories (ATE, RPE) as the tool evo measures them; [`align`] has the similarity.
 //! * [`tracks`]: 3D point tracks: TAPVid-3D, tracks in the world of the first camera, dense trajectories of all pixels.
+//! * [`network`]: what a network says of samples with known depth, cameras and motion, figure by figure, beside trivial answers.
 //! * [`clips`]: how a sequence is cut into clips of 16 frames.
 //! * [`files`]: readers of the data sets' files and of predictions.
 //! * [`kinds`]: a whole evaluation from two folders, and [`table`] and [`plot`], which say its result.
@@ -17,6 +18,7 @@ mod digits;
 mod error;
 pub mod files;
 pub mod kinds;
+pub mod network;
 pub mod plot;
 pub mod pose;
 mod rigid;

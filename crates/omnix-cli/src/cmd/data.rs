@@ -49,7 +49,7 @@ impl DataCommand {
     }
 }
 
-fn set_of(name: &str) -> Result<Set, String> {
+pub(crate) fn set_of(name: &str) -> Result<Set, String> {
     Set::of_name(name).ok_or_else(|| {
         let names: Vec<&str> = Set::ALL.iter().map(|set| set.name()).collect();
         format!("use one of {}", names.join(", "))

@@ -1,6 +1,8 @@
 //! `omnix eval`: predictions against truth, by the numbers of papers.
 
-use std::path::PathBuf;
+mod network;
+
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use omnix_eval::clips::ClipRule;
@@ -27,6 +29,9 @@ pub(crate) enum EvalCommand {
     /// Trajectories of all pixels, from runs with `--export tracks --all-tracks`: APD3D and EPE of the first image and of all, of what moves
     /// and of everything.
     Trajectories(Files),
+    /// A network on samples with known depth, cameras and motion, made from a seed or read from a data set: each figure apart, beside the
+    /// trivial answers. Opens a device.
+    Network(network::NetworkArgs),
 }
 
 /// Where predictions and truth lie, and where the result goes.
@@ -146,24 +151,25 @@ enum Scaled {
 
 /// Evaluates, prints the tables, and writes the files.
 pub(crate) fn run(command: &EvalCommand, ui: &mut Ui) -> Result<(), CliError> {
-    let (files, report) = match command {
-        EvalCommand::Depth(args) => (&args.files, depth_of(args)?),
+    let (json, report) = match command {
+        EvalCommand::Depth(args) => (&args.files.json, depth_of(args)?),
         EvalCommand::Pose(args) => {
             let set = match args.set {
                 Poses::Sintel => PoseSet::Sintel,
                 Poses::Tum => PoseSet::Tum,
                 Poses::Plain => PoseSet::Plain,
             };
-            (&args.files, pose::evaluate(&args.files.pred, &args.files.truth, set, args.clips)?)
+            (&args.files.json, pose::evaluate(&args.files.pred, &args.files.truth, set, args.clips)?)
         }
-        EvalCommand::Tapvid3d(args) => (&args.files, tapvid3d_of(args)?),
-        EvalCommand::Trajectories(files) => (files, trajectories::evaluate(&files.pred, &files.truth)?),
+        EvalCommand::Tapvid3d(args) => (&args.files.json, tapvid3d_of(args)?),
+        EvalCommand::Trajectories(files) => (&files.json, trajectories::evaluate(&files.pred, &files.truth)?),
+        EvalCommand::Network(args) => (&args.json, network::evaluate(args, ui)?),
     };
-    tell(files, &report, ui)
+    tell(json.as_deref(), &report, ui)
 }
 
-fn tell(files: &Files, report: &Report, ui: &mut Ui) -> Result<(), CliError> {
-    if let Some(json) = &files.json {
+fn tell(json: Option<&Path>, report: &Report, ui: &mut Ui) -> Result<(), CliError> {
+    if let Some(json) = json {
         let written = report.write(json)?;
         let names: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
         ui.say(&format!("written: {}", names.join(", ")));
