@@ -113,3 +113,29 @@ fn what_cannot_be_evaluated_is_said_with_its_code() {
     // Clips longer than any sequence leave nothing.
     eval("tapvid3d", &pred, &truth, &["--clips", "contiguous:100"]).fails(3, &["fill no clip", "2 more"]);
 }
+
+#[test]
+fn a_network_is_judged_beside_trivial_answers() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("n.json");
+    let size = ["--size", "56x42", "--images", "2"];
+    let made = [&["eval", "network", "--samples", "2", "--json", out.to_str().unwrap()][..], &size].concat();
+    let ran = omnix(&made).ok();
+    assert!(ran.out.contains("best plane over rows") && ran.out.contains("validation set"), "{}", ran.out);
+    let report = json(&out);
+    assert_eq!((&report["kind"], &report["evaluated"]), (&Value::from("network"), &Value::from(2)));
+    let of = |name: &str, column: &str| mean(&report, name)[column].as_f64();
+    assert!(of("constant depth", "AbsRel") >= of("best plane over rows", "AbsRel"));
+    assert!(of("nano (nano)", "AbsRel").is_some_and(|error| error > 0.0 && error < 2.0), "{report}");
+    assert_eq!((of("nothing moves", "displacement"), of("nothing moves", "IoU")), (Some(1.0), Some(0.0)));
+    // A scene on disk, whose cameras are those of the truth.
+    let scenes = dir.path().join("scenes");
+    let more =
+        ["--scenes", "1", "--cameras", "1", "--frames", "3", "--size", "56x42", "--layout", "omnix", "--seed", "4"];
+    omnix(&[&["scenes", "--out", scenes.to_str().unwrap()][..], &more].concat()).ok();
+    let ran = omnix(&[&["eval", "network", "--data", scenes.to_str().unwrap()][..], &size].concat()).ok();
+    assert!(ran.out.contains("nothing moves"), "{}", ran.out);
+    omnix(&["eval", "network", "--data", dir.path().join("none").to_str().unwrap()]).fails(3, &["none"]);
+    omnix(&["eval", "network", "--weights", "no-such"]).fails(3, &["no-such"]);
+    omnix(&["eval", "network", "--size", "57x42"]).fails(2, &["14"]);
+}

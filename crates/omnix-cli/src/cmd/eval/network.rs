@@ -9,8 +9,7 @@ use omnix::{Engine, Event, OmnixError, Pixels, Query, Request, RunPlan, Session,
 use omnix_data::{Pick, ReadOptions, Sample, Set, read, sets};
 use omnix_eval::network::{Answer, Figures, Motion, Score, score};
 use omnix_eval::table::Report;
-use omnix_train::Source as _;
-use omnix_train::scenes::Scenes;
+use omnix_scenes::{VALIDATION_SAMPLES, validation};
 
 use crate::args::{self, DeviceArgs};
 use crate::cmd::data::set_of;
@@ -25,21 +24,15 @@ pub(crate) struct NetworkArgs {
     /// Checkpoint: a folder with config.json and model.safetensors, such a file, or `nano`.
     #[arg(long, value_name = "PATH|NAME", default_value = "nano")]
     weights: String,
-    /// A scene of a data set, or a folder with scenes. [default: scenes are made from a seed]
+    /// A scene of a data set, or a folder with scenes. [default: the validation set, 40 made samples that are the same for everybody]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     /// The data set, where more than one would fit.
     #[arg(long, value_name = "NAME", value_parser = set_of, requires = "data")]
     set: Option<Set>,
-    /// What scenes are made of; the standard mixture where no file is given.
-    #[arg(long, value_name = "FILE", conflicts_with = "data")]
-    recipe: Option<PathBuf>,
-    /// Made scenes follow from it. Training draws from other seeds.
-    #[arg(long, value_name = "S", default_value_t = 40_000, conflicts_with = "data")]
-    seed: u64,
     /// Number of samples, at most; one of each scene on disk.
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u64).range(1..=100_000))]
-    samples: u64,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    samples: Option<u64>,
     /// Images of a sample; of a scene on disk at most, evenly spread over its first video.
     #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
     images: u32,
@@ -55,7 +48,7 @@ pub(crate) struct NetworkArgs {
 
 /// Where samples come from.
 enum Samples {
-    Made(Box<Scenes>, u64),
+    Made(omnix_scenes::Samples),
     Disk(Vec<PathBuf>, Option<Set>),
 }
 
@@ -66,13 +59,14 @@ pub(crate) fn evaluate(args: &NetworkArgs, ui: &mut Ui) -> Result<Report, CliErr
         Some(folder) => {
             let scenes = sets::find(folder, args.set)?;
             let count = scenes.len() as u64;
-            (Samples::Disk(scenes, args.set), count.min(args.samples), folder.display().to_string())
+            (Samples::Disk(scenes, args.set), count, folder.display().to_string())
         }
         None => {
-            let scenes = Scenes::new(args.recipe.as_deref(), None, args.images, size)?;
-            (Samples::Made(Box::new(scenes), args.seed), args.samples, format!("made scenes, seed {}", args.seed))
+            let samples = validation(size.map(|side| side as usize), args.images as usize)?;
+            (Samples::Made(samples), VALIDATION_SAMPLES, "validation set".to_owned())
         }
     };
+    let count = count.min(args.samples.unwrap_or(u64::MAX));
     let mut network = Network { engine: args.device.open()?, weights: Weights::find(&args.weights)?, ready: None };
     let mut figures = Figures::default();
     ui.begin("network", &format!("{count} sample(s) of {}x{}", size[0], size[1]));
@@ -81,7 +75,7 @@ pub(crate) fn evaluate(args: &NetworkArgs, ui: &mut Ui) -> Result<Report, CliErr
             return Err(OmnixError::Interrupted.into());
         }
         let (name, sample) = match &samples {
-            Samples::Made(scenes, seed) => (format!("{number}"), scenes.sample(*seed, number).map_err(CliError::from)),
+            Samples::Made(samples) => (number.to_string(), samples.get(number).map_err(CliError::from)),
             Samples::Disk(scenes, set) => {
                 let path = &scenes[number as usize];
                 (path.display().to_string(), of_scene(path, *set, args.images, size).map_err(CliError::from))
