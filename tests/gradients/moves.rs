@@ -1,6 +1,7 @@
 //! What moves numbers: permutations, slices, joins, repeats, blocks in zeros, reshapes; values that are used more than once.
 
-use omnix_graph::ops::{Binary, Piece, Strided, StridedCopy, Unary};
+use omnix_graph::ops::{Binary, Op, Piece, Strided, StridedCopy, Unary};
+use omnix_graph::{Plan, PlanOptions};
 use omnix_kernels::Gpu;
 use omnix_tests::{Trial, trials};
 
@@ -9,7 +10,7 @@ use crate::case::Case;
 pub(crate) fn trials() -> Vec<Trial> {
     trials!(
         "moves",
-        device: [permutations, slices_and_joins, repeats, assembled_blocks, windows_that_overlap, blocks_in_zeros, values_used_more_than_once],
+        device: [permutations, slices_and_joins, repeats, assembled_blocks, windows_that_overlap, blocks_in_zeros, values_used_more_than_once, slices_go_back_together],
     )
 }
 
@@ -112,4 +113,32 @@ fn values_used_more_than_once(gpu: &Gpu) {
     let product = case.graph.zip(Binary::Mul, x, row).expect("records");
     let product = case.graph.zip(Binary::Mul, product, x).expect("records");
     case.check(gpu, &[turned, half, product, x]);
+}
+
+/// Slices that do not meet have one gradient, which is written once.
+fn slices_go_back_together(gpu: &Gpu) {
+    for axis in [0, 1, 2] {
+        let mut case = Case::new(format!("slices along axis {axis}"));
+        let x = case.leaf("x", [4, 8, 12]);
+        let mut outputs = Vec::new();
+        // All of the axis but its last quarter; the slope is not the same everywhere.
+        let step = [4, 8, 12][axis] / 4;
+        for part in 0..3 {
+            let slice = case.graph.slice(x, axis, part * step, step).expect("records");
+            outputs.push(case.graph.map(Unary::Square, slice));
+        }
+        let mut graph = case.graph.clone();
+        let ones = outputs.iter().map(|y| {
+            let shape = graph.shape(*y).clone();
+            let ones = vec![1.0; shape.elements()];
+            (*y, graph.constant("one", shape, ones))
+        });
+        let given: Vec<_> = ones.collect();
+        let gradient = graph.differentiate_from(&given, &[x]).expect("differentiates")[0].expect("a gradient");
+        graph.output(gradient, "gradient");
+        let plan = Plan::new(&graph, &gpu.caps, &PlanOptions::default()).expect("plans");
+        let zeros = plan.graph.nodes().iter().filter(|node| matches!(&node.op, Op::Copies(copies) if copies.zeros));
+        assert_eq!(zeros.count(), 1, "{}", case.name);
+        case.check(gpu, &outputs);
+    }
 }

@@ -59,6 +59,7 @@ impl Graph {
         for index in (0..sums.len()).rev() {
             let value = Value(index as u32);
             let parts = gradients.take(value);
+            let parts = copy::joined(self, &parts)?;
             sums[index] = self.sum(&parts)?;
             match (&self.info(value).source, sums[index]) {
                 (Source::Reshape(x), Some(sum)) => {
