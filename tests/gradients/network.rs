@@ -27,6 +27,7 @@ pub(crate) fn trials() -> Vec<Trial> {
             gradients_of_the_paper,
             every_tensor_of_every_variant_is_trained,
             parameters_as_inputs_and_little_memory_change_no_bit,
+            values_computed_again_change_no_bit,
         ],
     )
 }
@@ -153,4 +154,28 @@ fn parameters_as_inputs_and_little_memory_change_no_bit() {
     let GraphError::Budget { least, .. } = too_little else { panic!("{too_little}") };
     case.options = PlanOptions::default().budget(least);
     same(read(&case, &adopted), "the least memory");
+}
+
+fn values_computed_again_change_no_bit() {
+    let (mut case, loss) = recorded(&json!({}), Some(Dropout { share: 0.3, seed: 11 }));
+    let mut graph = case.graph.clone();
+    let names = graph.gradients(loss, &|_| true).expect("differentiates");
+    let graph = graph.adopt(&names).expect("adopts");
+    let whole = Plan::new(&graph, &gpu().caps, &PlanOptions::default()).expect("plans").working_bytes();
+    let within = |budget: u64| PlanOptions::default().budget(budget).recompute(true);
+    let too_little = Plan::new(&graph, &gpu().caps, &within(1)).expect_err("a byte");
+    let GraphError::Budget { least, .. } = too_little else { panic!("{too_little}") };
+    let mut want = Vec::new();
+    for budget in [whole, u64::midpoint(whole, least), least] {
+        let plan = Plan::new(&graph, &gpu().caps, &within(budget)).expect("fits");
+        assert!(plan.working_bytes() <= budget && (plan.recomputed > 0) == (budget < whole), "{budget}");
+        case.options = within(budget);
+        let executable = case.run(gpu(), &graph);
+        let got: Vec<_> = names.iter().map(|name| executable.read(&gradient_output(name)).expect("reads")).collect();
+        if budget == whole {
+            want = got;
+        } else {
+            assert!(got == want, "{budget} bytes changed a gradient");
+        }
+    }
 }

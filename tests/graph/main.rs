@@ -9,6 +9,7 @@ mod gradients;
 mod memory;
 mod motion;
 mod operations;
+mod recompute;
 mod stream;
 mod support;
 mod training;

@@ -36,12 +36,15 @@ pub struct Graph<O> {
     pub(crate) values: Values,
     pub(crate) nodes: Vec<Node<O>>,
     pub(crate) outputs: Vec<Value>,
+    /// Handles of the values that differentiation recorded: the first of their nodes is where the backward pass begins.
+    pub(crate) derived: Range<u32>,
     taps: Vec<String>,
 }
 
 impl<O> Default for Graph<O> {
     fn default() -> Self {
-        Self { values: Values::default(), nodes: Vec::new(), outputs: Vec::new(), taps: Vec::new() }
+        let (nodes, outputs, taps) = (Vec::new(), Vec::new(), Vec::new());
+        Self { values: Values::default(), nodes, outputs, derived: 0..0, taps }
     }
 }
 

@@ -4,6 +4,7 @@ mod fit;
 pub mod memory;
 pub mod options;
 pub(crate) mod record;
+mod repeat;
 pub mod schedule;
 pub(crate) mod stretch;
 pub(crate) mod weights;
@@ -18,8 +19,9 @@ use crate::graph::{Operation as _, Value, WeightKey};
 use crate::ops::Graph;
 use crate::passes::fuse::fuse;
 use crate::passes::{algorithm, fixed};
-use fit::{Fit, fit};
+use fit::Fit;
 use memory::{MemoryPlan, Place};
+use repeat::{Fitted, fit_repeating};
 use schedule::Segment;
 use stretch::passing_bytes;
 
@@ -46,6 +48,8 @@ pub struct Plan {
     pub storage: WeightType,
     /// The parameters in the form they are stored, in order of first use.
     pub weights: Vec<WeightKey>,
+    /// Floating-point operations of a run that compute values again instead of keeping them; part of [`Plan::flops`].
+    pub recomputed: u64,
 }
 
 impl Plan {
@@ -57,12 +61,13 @@ impl Plan {
         let mut graph = if options.fuse { fuse(graph) } else { graph.clone() };
         algorithm::choose(&mut graph, caps, options.storage);
         let fixed = if options.streamed { 0 } else { fixed::to_front(&mut graph) };
-        let Fit { segments, parts, memory, .. } = fit(&graph, fixed, caps, options)?;
+        let Fitted { graph, fit, flops: recomputed } = fit_repeating(graph, fixed, caps, options)?;
+        let Fit { segments, parts, memory, .. } = fit;
         let weights = weights::weights(&graph, options.storage);
         // Operands are as good as the weights.
         let caps = caps.clone().with_f16(caps.f16 && options.storage != WeightType::F32);
         let PlanOptions { streamed, storage, .. } = *options;
-        Ok(Self { graph, fixed, segments, parts, memory, caps, streamed, storage, weights })
+        Ok(Self { graph, fixed, segments, parts, memory, caps, streamed, storage, weights, recomputed })
     }
 
     /// Bytes of the weights.
@@ -104,6 +109,12 @@ impl Plan {
                 (self.graph.value_name(first.outputs[0]).to_owned(), chain.rows, chain.chunk_rows(self.parts))
             })
             .collect()
+    }
+
+    /// Bytes of the memory that `value` lives in, as stored; 0 where nothing reads it.
+    #[must_use]
+    pub fn bytes(&self, value: Value) -> u64 {
+        self.memory.bytes[self.graph.root(value).0 as usize]
     }
 
     /// Where `value` lives.

@@ -47,6 +47,7 @@ impl Graph {
         given: &[(Value, Value)],
         leaves: &[Value],
     ) -> Result<Vec<Option<Value>>, GraphError> {
+        let first = if self.derived.is_empty() { self.count() as u32 } else { self.derived.start };
         let reached = reached(self, leaves);
         let mut sums: Vec<Option<Value>> = vec![None; self.count()];
         for node in self.nodes.iter_mut().filter(|node| reached[node.outputs[0].0 as usize]) {
@@ -82,6 +83,7 @@ impl Graph {
                 _ => {}
             }
         }
+        self.derived = first..self.count() as u32;
         Ok(leaves.iter().map(|leaf| sums[leaf.0 as usize]).collect())
     }
 

@@ -4,6 +4,8 @@
 //! for as long as it lives. Whole buffers, because WebGPU rejects one buffer bound read-only and read-write in
 //! one dispatch even for disjoint ranges; two values that a node touches are alive together and never share.
 
+use std::collections::BTreeMap;
+
 use omnix_kernels::caps::UNIFORM_WINDOW;
 use omnix_kernels::dispatch::round_up;
 
@@ -58,23 +60,49 @@ struct Life {
     to: usize,
 }
 
-impl Life {
-    fn meets(&self, other: &Life) -> bool {
-        self.from <= other.to && other.from <= self.to
+/// A plan of memory before intermediates share buffers.
+pub(super) struct Lives {
+    plan: MemoryPlan,
+    lives: Vec<Life>,
+}
+
+impl Lives {
+    /// Bytes that no sharing goes below: what is alive at once.
+    pub(super) fn least(&self) -> u64 {
+        let last = self.lives.iter().map(|life| life.from.max(if life.to == usize::MAX { 0 } else { life.to })).max();
+        let mut change = vec![(0, 0); last.map_or(0, |last| last + 2)];
+        for life in &self.lives {
+            change[life.from].0 += life.bytes;
+            if let Some(after) = change.get_mut(life.to.saturating_add(1)) {
+                after.1 += life.bytes;
+            }
+        }
+        let alive = change.iter().scan(0, |alive, (begun, ended)| {
+            *alive = *alive + begun - ended;
+            Some(*alive)
+        });
+        alive.max().unwrap_or(0) + self.plan.total()
+    }
+
+    /// Assigns buffers.
+    pub(super) fn share(self) -> MemoryPlan {
+        let Self { mut plan, lives } = self;
+        share(&mut plan, lives);
+        plan
     }
 }
 
-/// Assigns buffers when every chain goes in about `parts` parts and the `fixed` first nodes run once, before all runs.
+/// The lives of values when every chain goes in about `parts` parts and the `fixed` first nodes run once, before all runs.
 ///
 /// # Errors
 /// When a value is larger than `max_buffer`.
-pub fn assign(
+pub(super) fn lives(
     graph: &Graph,
     segments: &[Segment],
     fixed: usize,
     parts: usize,
     max_buffer: u64,
-) -> Result<MemoryPlan, GraphError> {
+) -> Result<Lives, GraphError> {
     let n = graph.count();
     let mut plan =
         MemoryPlan { places: vec![Place::Unused; n], bytes: vec![0; n], arena: Vec::new(), own: 0, constants: 0 };
@@ -143,8 +171,7 @@ pub fn assign(
             _ => {}
         }
     }
-    share(&mut plan, lives);
-    Ok(plan)
+    Ok(Lives { plan, lives })
 }
 
 /// What a chunk's padding may add: the last tokens of a sequence cut elsewhere are padded to 32 again.
@@ -184,48 +211,64 @@ fn share(plan: &mut MemoryPlan, mut lives: Vec<Life>) {
     for life in &lives {
         let free = buffers.iter().rposition(|buffer| buffer.takes(life));
         let buffer = free.or_else(|| make_room(&mut buffers, life)).unwrap_or_else(|| {
-            buffers.push(Shared { bytes: life.bytes, tenants: Vec::new() });
+            buffers.push(Shared { bytes: life.bytes, tenants: BTreeMap::new(), came: 0 });
             buffers.len() - 1
         });
-        buffers[buffer].tenants.push(life);
+        buffers[buffer].add(life);
     }
     for (i, buffer) in buffers.iter().enumerate() {
+        let tenants = || buffer.tenants.values().map(|(_, life)| life);
         // The largest may have moved.
-        plan.arena.push(buffer.tenants.iter().map(|life| life.bytes).max().unwrap_or(0));
-        buffer.tenants.iter().for_each(|life| plan.places[life.root] = Place::Arena(i));
+        plan.arena.push(tenants().map(|life| life.bytes).max().unwrap_or(0));
+        tenants().for_each(|life| plan.places[life.root] = Place::Arena(i));
     }
 }
 
 /// A shared buffer and the values that live in it one after another.
 struct Shared<'a> {
     bytes: u64,
-    tenants: Vec<&'a Life>,
+    /// By the first node of their lives: how many came before each, and its life. No two meet.
+    tenants: BTreeMap<usize, (usize, &'a Life)>,
+    came: usize,
 }
 
-impl Shared<'_> {
+impl<'a> Shared<'a> {
     fn takes(&self, life: &Life) -> bool {
-        life.bytes <= self.bytes && !self.tenants.iter().any(|tenant| tenant.meets(life))
+        life.bytes <= self.bytes && self.meeting(life).next().is_none()
+    }
+
+    /// Tenants that are alive with `life`, the last first: of those that begin before its end, later ones end later.
+    fn meeting(&self, life: &Life) -> impl Iterator<Item = &(usize, &'a Life)> {
+        let from = life.from;
+        self.tenants.range(..=life.to).rev().map(|(_, tenant)| tenant).take_while(move |(_, tenant)| tenant.to >= from)
+    }
+
+    fn add(&mut self, life: &'a Life) {
+        self.tenants.insert(life.from, (self.came, life));
+        self.came += 1;
+    }
+
+    fn remove(&mut self, life: &Life) {
+        self.tenants.remove(&life.from);
     }
 }
 
 /// A buffer from which all that are alive with `life` could move to others, and did.
 fn make_room(buffers: &mut [Shared<'_>], life: &Life) -> Option<usize> {
     (0..buffers.len()).rev().find(|&at| {
-        let leaving: Vec<&Life> = buffers[at].tenants.iter().copied().filter(|tenant| tenant.meets(life)).collect();
+        // In the order in which they came.
+        let mut leaving: Vec<(usize, &Life)> = buffers[at].meeting(life).copied().collect();
+        leaving.sort_unstable_by_key(|(came, _)| *came);
         let mut moved = Vec::with_capacity(leaving.len());
-        for tenant in &leaving {
+        for (_, tenant) in &leaving {
             let Some(to) = (0..buffers.len()).rev().find(|to| *to != at && buffers[*to].takes(tenant)) else { break };
-            buffers[to].tenants.push(tenant);
+            buffers[to].add(tenant);
             moved.push(to);
         }
         let all = moved.len() == leaving.len();
-        if all {
-            buffers[at].tenants.retain(|tenant| !tenant.meets(life));
-        } else {
-            // Back to where they were: each was the last to come.
-            for to in moved.into_iter().rev() {
-                buffers[to].tenants.pop();
-            }
+        for ((_, tenant), to) in leaving.iter().zip(moved) {
+            // From where they were, or back to there.
+            buffers[if all { at } else { to }].remove(tenant);
         }
         all
     })

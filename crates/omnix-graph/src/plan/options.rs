@@ -10,6 +10,10 @@ pub struct PlanOptions {
     pub budget: Option<u64>,
     /// Whether weights pass through ([`crate::Streamed`]): then the budget is for them too.
     pub streamed: bool,
+    /// Whether a differentiated graph that does not fit the budget may compute values of its forward pass again instead of keeping them:
+    /// as many as it takes, which changes no bit of a result and costs operations ([`crate::Plan::recomputed`]).
+    /// Where weights pass through, nothing is.
+    pub recompute: bool,
     /// How matrices are stored.
     pub storage: WeightType,
     /// Whether to fuse; off only in tests that compare.
@@ -20,7 +24,7 @@ pub struct PlanOptions {
 
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { budget: None, streamed: false, storage: WeightType::F32, fuse: true, parts: 1 }
+        Self { budget: None, streamed: false, recompute: false, storage: WeightType::F32, fuse: true, parts: 1 }
     }
 }
 
@@ -36,6 +40,13 @@ impl PlanOptions {
     #[must_use]
     pub fn streamed(mut self, streamed: bool) -> Self {
         self.streamed = streamed;
+        self
+    }
+
+    /// Whether values may be computed again instead of kept.
+    #[must_use]
+    pub fn recompute(mut self, recompute: bool) -> Self {
+        self.recompute = recompute;
         self
     }
 
