@@ -72,8 +72,26 @@ fn stops_budgets_and_runs_change_no_bit() {
     let refused = train(&smoke(), &at("small"), &["--steps", "4", "--memory-budget", "1MiB"]).fails(5, &["at least"]);
     let least = refused.err.split("at least ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
     assert!(!at("small").join("last").exists(), "nothing was begun");
-    train(&smoke(), &at("small"), &["--steps", "4", "-q", "--memory-budget", &format!("{least}B")]).ok();
-    assert!(state(&at("small")) == whole, "a budget changed the result");
+    let least: u64 = least.parse().unwrap();
+    let free = finish(program().args(["plan", "--train"]).arg(smoke()).arg("--json")).ok().events();
+    let free = of_kind(&free, "plan")[0].clone();
+    assert_eq!(free["least"]["bytes"].as_u64(), Some(least));
+    let most = free["bytes"].as_u64().unwrap();
+    let mut recomputed = 0;
+    for (name, budget) in [("middle", u64::midpoint(least, most)), ("small", least)] {
+        let budget_bytes = format!("{budget}B");
+        let ran = train(&smoke(), &at(name), &["--steps", "4", "--json", "--memory-budget", &budget_bytes]).ok();
+        let plan = of_kind(&ran.events(), "plan")[0].clone();
+        let number = |key: &str| plan[key].as_u64().unwrap();
+        assert!(number("bytes") <= budget && number("recomputed_flops") > recomputed, "{plan}");
+        assert_eq!((&plan["without"]["bytes"], &plan["without"]["flops"]), (&free["bytes"], &free["flops"]));
+        assert_eq!(number("flops"), free["flops"].as_u64().unwrap() + number("recomputed_flops"));
+        recomputed = number("recomputed_flops");
+        assert!(state(&at(name)) == whole, "a budget of {budget} bytes changed the result");
+    }
+    // People are told, too.
+    let told = train(&smoke(), &at("told"), &["--steps", "1", "--memory-budget", &format!("{least}B")]).ok();
+    assert!(told.err.contains("computed again"), "{}", told.err);
     // Another seed is another run.
     train(&smoke(), &at("other"), &["--steps", "4", "-q", "--seed", "2"]).ok();
     assert!(state(&at("other")) != whole);
@@ -152,8 +170,26 @@ fn a_plan_says_what_a_run_will_take() {
     }
     let text = plan(&smoke(), &[]).ok();
     assert!(["training of network smoke", "memory", "GFLOP a sample"].iter().all(|part| text.out.contains(part)));
+    assert!(text.out.contains("least ") && !text.out.contains("if nothing were computed again"), "{}", text.out);
     plan(&smoke(), &["--memory-budget", "1MiB"]).fails(5, &["at least"]);
+    let least = of_kind(&planned, "plan")[0]["least"]["bytes"].as_u64().unwrap();
+    let tight = plan(&smoke(), &["--memory-budget", &format!("{least}B")]).ok();
+    assert!(tight.out.contains("if nothing were computed again") && tight.out.contains("%"), "{}", tight.out);
     plan(&dir.path().join("none.toml"), &[]).fails(3, &["none.toml"]);
     // What is said of pictures has no meaning for a training.
     assert_eq!(plan(&smoke(), &["--frames", "3"]).code, Some(2));
+}
+
+/// 1.33 G parameters, of which none is made: what a step takes is known without them.
+#[test]
+fn a_step_of_the_release_is_planned_without_its_weights() {
+    let recipe = root().join("recipes/release.toml");
+    let budget = ["--memory-budget", "64GiB"];
+    let planned = finish(program().args(["plan", "--json", "--train"]).arg(recipe).args(budget)).ok().events();
+    let plan = &of_kind(&planned, "plan")[0];
+    let number = |pointer: &str| plan.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("{pointer}"));
+    assert!((1.32e9..1.33e9).contains(&number("/trained")), "{plan}");
+    // About half of the memory, for less than a tenth of the operations.
+    assert!(number("/bytes") <= 64.0 * 1024f64.powi(3) && number("/without/bytes") > 1.6 * number("/bytes"), "{plan}");
+    assert!(number("/recomputed_flops") < 0.1 * number("/without/flops"), "{plan}");
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use omnix::Weights;
 use omnix::graph::ParameterSource as _;
 use omnix_tests::{gpu, relative_error};
-use omnix_train::device::{DeviceStep, Objective, Optimiser, Size, StepPlan};
+use omnix_train::device::{DeviceStep, Objective, Optimiser, Room, Size, StepPlan};
 use omnix_train::groups::Group;
 use omnix_train::{LossConfig, LossValues, Part, Step as _, Update};
 use serde_json::Value;
@@ -61,7 +61,8 @@ fn ready(weights: &Weights, case: &Case) -> Result<(DeviceStep, Vec<omnix::model
     let loss = LossConfig::release();
     // The recording was made without dropout.
     let objective = Objective { loss: &loss, groups: &Group::release(), dropout: None };
-    let plan = StepPlan::new(weights.network(), size, objective, (&gpu().caps, None));
+    let room = Room { caps: &gpu().caps, budget: None, accumulated: false, averaged: false };
+    let plan = StepPlan::new(weights.network(), size, objective, room);
     let plan = plan.map_err(|e| text(&e))?;
     let codes = plan.codes.clone();
     let optimiser = Optimiser { betas: [0.9, 0.95], eps: 1e-8, max_norm: 1.0, accumulate: 1 };

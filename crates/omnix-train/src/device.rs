@@ -12,8 +12,8 @@ mod step;
 mod targets;
 mod update;
 
-pub use plan::{Objective, StepPlan};
+pub use plan::{Objective, Room, StepPlan, Takes};
 pub use size::Size;
-pub use start::{planned, ready};
+pub use start::{planned, planned_least, ready};
 pub use step::DeviceStep;
 pub use update::Optimiser;

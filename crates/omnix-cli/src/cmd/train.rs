@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use omnix::Caps;
-use omnix_train::config::{Config, Recipe, SampleConfig};
-use omnix_train::device::{StepPlan, planned, ready};
+use omnix_train::config::{Recipe, SampleConfig};
+use omnix_train::device::{StepPlan, Takes, planned, planned_least, ready};
 use omnix_train::{Event, LossValues, RunOptions, Session, read_config};
 use serde_json::{Map, Value, json};
 
@@ -32,14 +32,17 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
     /// Device memory that a step may take, such as 4GiB. [default: the configuration's, else no bound]
+    ///
+    /// Where it is too little to keep what the gradient needs of the forward pass, some of that is computed again: the same numbers for
+    /// less memory and more operations.
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
     memory_budget: Option<u64>,
     #[command(flatten)]
     device: DeviceArgs,
     /// One JSON object a line on standard output, nothing for people.
     ///
-    /// Its `event` is one of: note {message}; plan {images, image_size, bytes, flops, forward_flops, trained}; device {..};
-    /// continued {step}; step {step, of, losses, norm, rates, seconds, left_s}; validated {step, losses, best}; saved {step};
+    /// Its `event` is one of: note {message}; plan {images, image_size, bytes, flops, forward_flops, recomputed_flops, without {bytes,
+    /// flops}, trained}, where `without` is what a step would take if nothing were computed again; device {..}; continued {step}; step {step, of, losses, norm, rates, seconds, left_s}; validated {step, losses, best}; saved {step};
     /// save_failed {message}; trained {step, stopped, best}; error {..}.
     #[arg(long)]
     pub(crate) json: bool,
@@ -54,7 +57,7 @@ pub(crate) fn run(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
     let until = args.steps.unwrap_or(recipe.config.steps);
     let engine = args.device.open()?;
     let plan = planned(&recipe, engine.caps(), args.memory_budget)?;
-    let (bytes, flops) = (bytes_of(&plan, &recipe.config), plan.flops());
+    let Takes { bytes, flops } = plan.takes;
     ui.event("plan", plan_event(&plan, &recipe));
     let info = engine.info();
     ui.event("device", serde_json::to_value(&info).unwrap_or_default());
@@ -63,9 +66,17 @@ pub(crate) fn run(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
         recipe.network.name,
         plan.trained() as f64 / 1e6,
         bytes::show(bytes),
-        flops as f64 / 1e9,
+        giga(flops),
         info.name
     ));
+    if plan.recomputed() > 0 {
+        ui.say(&format!(
+            "to fit the memory budget, {:.1} GFLOP of a step ({}) are computed again; without, it would take {}",
+            giga(plan.recomputed()),
+            more(&plan),
+            bytes::show(plan.without.bytes)
+        ));
+    }
     drop(plan);
     stop::keep_results();
     let mut session = Session::open(recipe, &args.out)?;
@@ -88,42 +99,64 @@ pub(crate) fn run(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
 pub(crate) fn plan(config: &Path, caps: &Caps, budget: Option<u64>, ui: &mut Ui) -> Result<(), CliError> {
     let recipe = read_config(config)?;
     let plan = planned(&recipe, caps, budget)?;
+    // Where nothing bounds the memory, also the least that will do.
+    let bounded = budget.is_some() || recipe.config.memory_budget.is_some();
+    let least = if bounded { None } else { Some(planned_least(&recipe, caps)?) };
     if ui.json() {
-        ui.event("plan", plan_event(&plan, &recipe));
+        let mut event = plan_event(&plan, &recipe);
+        event["least"] = json!(least.map(|least| takes(least.takes)));
+        ui.event("plan", event);
         ui.event("done", json!({}));
         return Ok(());
     }
     let SampleConfig { images, size: [width, height] } = recipe.config.sample;
     let samples = recipe.config.optimiser.accumulate;
-    let flops = plan.flops();
+    let Takes { bytes, flops } = plan.takes;
+    let (mut memory, mut work) = (String::new(), String::new());
+    if plan.recomputed() > 0 {
+        memory = format!(", {} if nothing were computed again", bytes::show(plan.without.bytes));
+        work = format!(" and {:.1} computed again ({})", giga(plan.recomputed()), more(&plan));
+    }
+    let least = least.map_or_else(String::new, |least| {
+        let (bytes, again) = (bytes::show(least.takes.bytes), giga(least.recomputed()));
+        format!("\nleast   {bytes}, with {again:.1} GFLOP computed again ({})", more(&least))
+    });
     ui::print(&format!(
         "training of network {}, for a {} device\n{images} image(s) of {width}x{height}; {samples} sample(s) make a step\n\
          trained {:.2} M numbers\n\
-         memory  {} on the device\n\
-         work    {:.1} GFLOP a sample, of them {:.1} forward\n\
-         time    about {} a step, a rough guess",
+         memory  {} on the device{memory}\n\
+         work    {:.1} GFLOP a sample, of them {:.1} forward{work}\n\
+         time    about {} a step, a rough guess{least}",
         recipe.network.name,
         caps.tier,
         plan.trained() as f64 / 1e6,
-        bytes::show(bytes_of(&plan, &recipe.config)),
-        flops as f64 / 1e9,
-        plan.forward_flops() as f64 / 1e9,
+        bytes::show(bytes),
+        giga(flops),
+        giga(plan.forward_flops()),
         job::guess(flops.saturating_mul(samples.into()), caps.tier),
     ))
 }
 
-/// Bytes that training takes on the device.
-fn bytes_of(plan: &StepPlan, config: &Config) -> u64 {
-    // Sums of gradients over samples, and the average of the weights.
-    plan.bytes(u64::from(config.optimiser.accumulate > 1) + u64::from(config.averaged()))
+fn giga(flops: u64) -> f64 {
+    flops as f64 / 1e9
+}
+
+/// The price of computing again, relative to all that a step would take without.
+fn more(plan: &StepPlan) -> String {
+    format!("+{:.1} %", 100.0 * plan.recomputed() as f64 / plan.without.flops as f64)
+}
+
+fn takes(Takes { bytes, flops }: Takes) -> Value {
+    json!({ "bytes": bytes, "flops": flops })
 }
 
 /// The same for machines.
 fn plan_event(plan: &StepPlan, recipe: &Recipe) -> Value {
     let config = &recipe.config;
     json!({
-        "images": config.sample.images, "image_size": config.sample.size, "bytes": bytes_of(plan, config),
-        "flops": plan.flops(), "forward_flops": plan.forward_flops(), "trained": plan.trained(),
+        "images": config.sample.images, "image_size": config.sample.size, "bytes": plan.takes.bytes, "flops": plan.takes.flops,
+        "forward_flops": plan.forward_flops(), "recomputed_flops": plan.recomputed(), "without": takes(plan.without),
+        "trained": plan.trained(),
     })
 }
 

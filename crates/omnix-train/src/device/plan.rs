@@ -1,5 +1,6 @@
 //! What a step needs, known before it runs and without a device.
 
+use omnix_graph::passes::adopt::parameter_input;
 use omnix_graph::{Graph, GraphError, Plan, PlanOptions, Value};
 use omnix_kernels::Caps;
 use omnix_model::{Dropout, Network, Parts, TimeCode, TrainingSpec, manifest};
@@ -7,7 +8,7 @@ use omnix_model::{Dropout, Network, Parts, TimeCode, TrainingSpec, manifest};
 use super::size::Size;
 use super::targets::{self, Wanted};
 use crate::TrainError;
-use crate::groups::{ARENA, Group, Layout, Tensor};
+use crate::groups::{ARENA, Group, Layout, Slot, Tensor};
 use crate::loss::LossConfig;
 
 /// A planned step: forward and backward, forward alone, and where trained tensors lie.
@@ -17,6 +18,10 @@ pub struct StepPlan {
     pub size: Size,
     /// Where the trained tensors lie.
     pub layout: Layout,
+    /// What a step takes as it is planned.
+    pub takes: Takes,
+    /// What it would take if everything that the backward pass reads were kept.
+    pub without: Takes,
     pub(super) train: Plan,
     pub(super) forward: Plan,
     /// Inputs that hold codes of the images' times.
@@ -37,6 +42,29 @@ pub struct Objective<'a> {
     pub dropout: Option<Dropout>,
 }
 
+/// Where steps run, and what they keep there.
+#[derive(Clone, Copy, Debug)]
+pub struct Room<'a> {
+    /// The device's facts.
+    pub caps: &'a Caps,
+    /// Bytes that the device may give; `None` for no bound.
+    pub budget: Option<u64>,
+    /// Whether gradients of several samples are added up.
+    pub accumulated: bool,
+    /// Whether an average of the weights is kept.
+    pub averaged: bool,
+}
+
+/// What a step takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Takes {
+    /// Bytes on the device: intermediates, inputs, weights, gradients, both moments, what accumulation and an average ask for, and the
+    /// forward pass alone, which is for validation.
+    pub bytes: u64,
+    /// Floating-point operations of forward and backward on one sample.
+    pub flops: u64,
+}
+
 /// A network with its losses.
 struct Recorded {
     graph: Graph,
@@ -49,16 +77,13 @@ struct Recorded {
 pub(super) const LOSSES: &str = "losses";
 
 impl StepPlan {
-    /// Plans steps of `network` on samples of this size. `budget`: bytes that the device may give; `None` for no bound.
+    /// Plans steps of `network` on samples of this size. Where they do not fit the budget, values of the forward pass are computed again
+    /// for the backward pass instead of kept: as many as it takes. No bit of a result depends on it.
     ///
     /// # Errors
-    /// A network that cannot make what the objective compares, groups that do not fit its tensors, a budget that is too small.
-    pub fn new(
-        network: &Network,
-        size: Size,
-        objective: Objective<'_>,
-        (caps, budget): (&Caps, Option<u64>),
-    ) -> Result<Self, TrainError> {
+    /// A network that cannot make what the objective compares, groups that do not fit its tensors, a budget that is too small
+    /// ([`GraphError::Budget`], with the least that works).
+    pub fn new(network: &Network, size: Size, objective: Objective<'_>, room: Room<'_>) -> Result<Self, TrainError> {
         let Objective { loss, groups, dropout } = objective;
         let forward = record(network, size, loss, None)?;
         let Recorded { graph: mut g, total, .. } = record(network, size, loss, dropout)?;
@@ -75,12 +100,29 @@ impl StepPlan {
             return Err(TrainError::NothingTrains);
         }
         let trained: Vec<String> = layout.slots.iter().map(|slot| slot.name.clone()).collect();
-        let options = PlanOptions::default().budget(budget);
-        let plan = |g: &Graph| -> Result<Plan, GraphError> { Plan::new(&g.adopt(&trained)?, caps, &options) };
+        let evaluated = Plan::new(&forward.graph.adopt(&trained)?, room.caps, &PlanOptions::default())?;
+        let graph = g.adopt(&trained)?;
+        let train = |options: PlanOptions| Plan::new(&graph, room.caps, &options);
+        let kept = train(PlanOptions::default())?;
+        let rest = bytes_beside(&kept, &evaluated, &layout, room);
+        let takes = |plan: &Plan| Takes { bytes: plan.working_bytes() + rest, flops: plan.flops() };
+        let without = takes(&kept);
+        let train = match room.budget.filter(|budget| without.bytes > *budget) {
+            None => kept,
+            Some(budget) => {
+                let options = PlanOptions::default().budget(budget.saturating_sub(rest)).recompute(true);
+                train(options).map_err(|error| match error {
+                    GraphError::Budget { least, .. } => GraphError::Budget { budget, least: least + rest },
+                    error => error,
+                })?
+            }
+        };
         Ok(Self {
             size,
-            train: plan(&g)?,
-            forward: plan(&forward.graph)?,
+            takes: takes(&train),
+            without,
+            train,
+            forward: evaluated,
             layout,
             codes: forward.codes,
             losses: forward.names,
@@ -91,21 +133,13 @@ impl StepPlan {
     /// Numbers that are trained, gaps of the layout included.
     #[must_use]
     pub fn trained(&self) -> u64 {
-        self.layout.arenas.iter().map(|arena| arena.range.len() as u64).sum()
+        self.layout.len() as u64
     }
 
-    /// Bytes that training takes on the device: intermediates, inputs, weights, gradients, both moments, and the lists that accumulation
-    /// and an average ask for (`more` of them).
+    /// Operations that compute values again instead of keeping them; part of those that a step takes.
     #[must_use]
-    pub fn bytes(&self, more: u64) -> u64 {
-        // Weights and gradients are inputs and outputs of the plan.
-        self.train.working_bytes() + self.train.weight_bytes() + (2 + more) * 4 * self.trained()
-    }
-
-    /// Operations of forward and backward on one sample.
-    #[must_use]
-    pub fn flops(&self) -> u64 {
-        self.train.flops()
+    pub fn recomputed(&self) -> u64 {
+        self.train.recomputed
     }
 
     /// Operations of the forward pass alone.
@@ -113,6 +147,18 @@ impl StepPlan {
     pub fn forward_flops(&self) -> u64 {
         self.forward.flops()
     }
+}
+
+/// Bytes of what is on the device beside the working memory of the plan `train`: weights and gradients, which are inputs and outputs of
+/// that plan, are not.
+fn bytes_beside(train: &Plan, forward: &Plan, layout: &Layout, room: Room<'_>) -> u64 {
+    let Room { accumulated, averaged, .. } = room;
+    let lists = 2 + u64::from(accumulated) + u64::from(averaged);
+    // The forward pass reads the same weights, or their average.
+    let input = |slot: &Slot| forward.graph.find(&parameter_input(&slot.name));
+    let weights: u64 = layout.slots.iter().filter_map(input).map(|value| forward.bytes(value)).sum();
+    let evaluations = 1 + u64::from(averaged);
+    train.weight_bytes() + lists * 4 * layout.len() as u64 + evaluations * (forward.working_bytes() - weights)
 }
 
 /// Records a network and its losses, which are the only output.
