@@ -131,7 +131,7 @@ impl Linear {
             (Tier::Software, WeightType::F16) if narrow => (&shaders::NARROW_W16, Form::Narrow(16)),
             (Tier::Software, WeightType::I8) if narrow => (&shaders::NARROW_W8, Form::Narrow(16)),
             // Rows of a tile: TM of linear.toml.
-            (Tier::Software, storage) if fours && caps.weight_windows() && self.m > 640 => {
+            (Tier::Software, storage) if fours && caps.weight_windows() => {
                 let shader = match storage {
                     WeightType::F32 => &shaders::WINDOWS,
                     WeightType::F16 => &shaders::WINDOWS_W16,
