@@ -11,7 +11,7 @@ pub const VALIDATION_SAMPLES: u64 = 40;
 
 /// Of all samples. Training draws from other seeds.
 const SEED: u64 = 0x6f6d_6e69_7820_7661;
-const RECIPE: &str = include_str!("../../../recipes/validation.toml");
+const RECIPE: &str = include_str!("../../../recipes/scenes/validation.toml");
 
 /// The validation set with samples of this many images of this width and height, made when they are asked for ([`Samples::get`]) and without
 /// assets. Labels of equal sizes are meant to be the same bits
