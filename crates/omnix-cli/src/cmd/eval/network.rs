@@ -88,8 +88,7 @@ pub(crate) fn evaluate(args: &NetworkArgs, ui: &mut Ui) -> Result<Report, CliErr
         ui.progress(number + 1, count);
     }
     ui.end();
-    let name = network.weights.network().config().name.clone();
-    Ok(figures.report(label, &format!("{} ({name})", args.weights))?)
+    Ok(figures.report(label, &args.weights)?)
 }
 
 /// Images of a scene's first video, evenly spread.
