@@ -48,7 +48,7 @@ pub(crate) struct NetworkArgs {
 
 /// Where samples come from.
 enum Samples {
-    Made(omnix_scenes::Samples),
+    Made(Box<omnix_scenes::Samples>),
     Disk(Vec<PathBuf>, Option<Set>),
 }
 
@@ -63,7 +63,7 @@ pub(crate) fn evaluate(args: &NetworkArgs, ui: &mut Ui) -> Result<Report, CliErr
         }
         None => {
             let samples = validation(size.map(|side| side as usize), args.images as usize)?;
-            (Samples::Made(samples), VALIDATION_SAMPLES, "validation set".to_owned())
+            (Samples::Made(Box::new(samples)), VALIDATION_SAMPLES, "validation set".to_owned())
         }
     };
     let count = count.min(args.samples.unwrap_or(u64::MAX));
