@@ -45,8 +45,11 @@ fn sample(step: f32) -> Sample {
     .unwrap()
 }
 
+/// Depth, cameras, positions and scores of an answer.
+type Owned = (Vec<f32>, Vec<Camera>, Vec<[f32; 3]>, Vec<f32>);
+
 /// The truth as an answer, all lengths times `scale`.
-fn answer(sample: &Sample, scale: f32) -> (Vec<f32>, Vec<Camera>, Vec<[f32; 3]>, Vec<f32>) {
+fn answer(sample: &Sample, scale: f32) -> Owned {
     let parts = sample.clone().into_parts();
     let omnix_data::Motion::Dense(dense) = parts.motion else { panic!("no paths") };
     let mut cameras = parts.cameras;
@@ -56,10 +59,7 @@ fn answer(sample: &Sample, scale: f32) -> (Vec<f32>, Vec<Camera>, Vec<[f32; 3]>,
     (parts.depth.unwrap().iter().map(|z| z * scale).collect(), cameras, positions, theta)
 }
 
-fn scored(
-    sample: &Sample,
-    (depth, cameras, positions, theta): &(Vec<f32>, Vec<Camera>, Vec<[f32; 3]>, Vec<f32>),
-) -> (Score, [Score; 3]) {
+fn scored(sample: &Sample, (depth, cameras, positions, theta): &Owned) -> (Score, [Score; 3]) {
     let motion = Some(Motion { positions, theta });
     score(sample, &Answer { depth, cameras, motion }).unwrap()
 }
