@@ -13,7 +13,9 @@ pub mod run;
 
 mod facts;
 mod lost;
+#[cfg(not(target_arch = "wasm32"))]
 mod software;
 mod wait;
 
+#[cfg(not(target_arch = "wasm32"))]
 pub use software::why_software;

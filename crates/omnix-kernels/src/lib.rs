@@ -67,7 +67,9 @@ pub mod winograd;
 
 pub use activation::Activation;
 pub use caps::{Caps, Cooperative, Tier};
-pub use device::{adapter, gpu, host_memory, program, readback, why_software};
+#[cfg(not(target_arch = "wasm32"))]
+pub use device::why_software;
+pub use device::{adapter, gpu, host_memory, program, readback};
 #[cfg(not(target_arch = "wasm32"))]
 pub use device::{compile, run};
 pub use dispatch::{Arg, Dispatch};

@@ -76,6 +76,7 @@ impl Engine {
 
     /// Why this is a software device, in words for a person, such as "no GPU adapter was found"; `None` on a GPU. `wanted` is what
     /// the user asked for by name or index.
+    #[cfg(not(target_arch = "wasm32"))]
     #[must_use]
     pub fn why_software(&self, wanted: Option<&str>) -> Option<String> {
         omnix_kernels::why_software(&self.gpu.device.adapter_info(), wanted)

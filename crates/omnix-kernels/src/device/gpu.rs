@@ -7,7 +7,9 @@ use rustc_hash::FxHashMap;
 
 use super::lost::Lost;
 use crate::caps::UNIFORM_WINDOW;
-use crate::{Caps, Cooperative, Dispatch, HostMemory, KernelError, adapter, host_memory};
+use crate::{Caps, Dispatch, HostMemory, KernelError, host_memory};
+#[cfg(not(target_arch = "wasm32"))]
+use crate::{Cooperative, adapter};
 
 /// A device with its queue, its capabilities, and the pipelines made so far (one per shader). Cheap to clone; the host keeps its
 /// own handles.
