@@ -10,8 +10,8 @@ use crate::case::Case;
 pub(crate) fn trials() -> Vec<Trial> {
     trials!(
         "attention",
-        tiers: [queries_keys_and_values],
-        device: [wide_heads, norms_and_rotations, heads_that_only_some_columns_make, a_block],
+        tiers: [queries_keys_and_values, heads_of_64, heads_of_96],
+        device: [norms_and_rotations, heads_that_only_some_columns_make, a_block],
     )
 }
 
@@ -28,14 +28,18 @@ fn attend(case: &mut Case, (x, z): (Value, Value), offsets: [usize; 3], [q, k]: 
     case.graph.attention(q, k, v).expect("records")
 }
 
-/// Widths that take one and the same kernels of a tier: software drivers compile those of GPUs for half a minute each, and every kernel
-/// is compared with its oracle elsewhere (tests/kernels).
+/// Widths that take one and the same kernels of a tier. Wider heads take others, each in a test of its own: with an empty shader cache a
+/// software driver compiles those of GPUs for minutes.
 fn queries_keys_and_values(gpu: &Gpu) {
     each_shape(gpu, &[(1, 1, 1, 1, 4), (2, 5, 5, 2, 8), (1, 33, 40, 1, 16), (3, 7, 4, 3, 32), (1, 9, 65, 2, 24)]);
 }
 
-fn wide_heads(gpu: &Gpu) {
-    each_shape(gpu, &[(1, 6, 6, 1, 64), (1, 5, 4, 1, 96)]);
+fn heads_of_64(gpu: &Gpu) {
+    each_shape(gpu, &[(1, 6, 6, 1, 64)]);
+}
+
+fn heads_of_96(gpu: &Gpu) {
+    each_shape(gpu, &[(1, 5, 4, 1, 96)]);
 }
 
 /// Groups, queries, keys, heads and their width.
