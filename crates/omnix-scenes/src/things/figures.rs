@@ -11,7 +11,7 @@ use crate::motion::Turn;
 use crate::random::Random;
 use crate::things::{Arena, Kit};
 
-/// A figure that plays one of its clips, walking or in its place; nothing where there is none, or another kind of thing is drawn.
+/// A figure that plays one of its clips, walking or in its place. `None` where no asset is a figure, or where another kind of thing is drawn.
 pub(crate) fn figure(kit: &mut Kit, random: &mut Random, arena: &Arena) -> Option<Actor> {
     // Beside things that move as a whole.
     if !random.chance(0.7) {
