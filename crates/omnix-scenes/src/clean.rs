@@ -66,6 +66,13 @@ pub(crate) fn judge_colours(colours: &[u8]) -> Result<(), Refusal> {
     if ends > BURNT * count { Err(Refusal::Burnt) } else { Ok(()) }
 }
 
+/// Refuses scenes with movers where less than this part of the pixels shows something that moves. At one time alone nothing can be seen to
+/// move.
+pub(crate) fn judge_motion(least: f64, times: usize, moving: usize, pixels: usize) -> Result<(), Refusal> {
+    let enough = times <= 1 || moving as f64 >= least * pixels as f64;
+    if enough { Ok(()) } else { Err(Refusal::Still) }
+}
+
 /// Refuses images that fall into groups which show nothing of each other's points.
 pub(crate) fn judge_overlap(images: &[(&View, &Geometry, &[Option<Hit>])]) -> Result<(), Refusal> {
     let shows = |from: usize, to: usize| {
@@ -92,6 +99,12 @@ pub(crate) fn judge_overlap(images: &[(&View, &Geometry, &[Option<Hit>])]) -> Re
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scenes_that_hardly_move_are_refused_unless_they_have_one_time() {
+        assert_eq!(judge_motion(0.01, 4, 9, 1000), Err(Refusal::Still));
+        assert_eq!((judge_motion(0.01, 4, 10, 1000), judge_motion(0.01, 1, 0, 1000)), (Ok(()), Ok(())));
+    }
 
     #[test]
     fn dark_and_burnt_pictures_are_refused() {

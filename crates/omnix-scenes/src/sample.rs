@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::assets::Assets;
 use crate::cast::{Geometry, Hit};
-use crate::clean::{Refusal, judge_colours, judge_overlap};
+use crate::clean::{Refusal, judge_colours, judge_motion, judge_overlap};
 use crate::error::ScenesError;
 use crate::labels::{hits, is_outside, is_seen, moves, points};
 use crate::picture::{draw, film};
@@ -102,9 +102,9 @@ impl Samples {
             }
             moving.extend(moves(hits, state(shot.moment), all.iter().copied()).into_iter().map(Flag::from));
         }
-        let count = moving.iter().filter(|&&flag| flag == Flag::Yes).count() as f64;
-        if !scene.actors.is_empty() && count < self.recipe.least_motion * moving.len() as f64 {
-            return Err(refused(Refusal::Still));
+        if !scene.actors.is_empty() {
+            let count = moving.iter().filter(|&&flag| flag == Flag::Yes).count();
+            judge_motion(self.recipe.least_motion, states.len(), count, moving.len()).map_err(refused)?;
         }
         let half = scene.half_shutter(&self.recipe);
         let draw = |k: usize| {

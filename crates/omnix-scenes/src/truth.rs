@@ -261,6 +261,12 @@ fn nothing_moves_in_still_scenes() {
 }
 
 #[test]
+fn samples_of_one_image_need_not_move() {
+    let samples = Samples { images: 1, ..samples(Recipe { still: 0.0, ..Recipe::default() }, false) };
+    (0..4).for_each(|index| assert_eq!(samples.get(index).unwrap().count(), 1, "{index}"));
+}
+
+#[test]
 fn what_cannot_be_is_an_error() {
     let good = samples(Recipe::default(), false);
     let error = |change: fn(&mut Samples)| {

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::assets::Assets;
 use crate::cast::{Geometry, Hit};
-use crate::clean::{Refusal, judge_colours, judge_overlap};
+use crate::clean::{Refusal, judge_colours, judge_motion, judge_overlap};
 use crate::error::ScenesError;
 use crate::labels::{hits, moves};
 use crate::picture::{draw, film};
@@ -282,11 +282,8 @@ impl Job {
         let views: Vec<View> = rigs.iter().map(|rig| rig.at(frame as f64 * scene.frame_seconds(), size)).collect();
         let all: Vec<Vec<Option<Hit>>> = views.par_iter().map(|view| hits(view, state)).collect();
         if !scene.actors.is_empty() {
-            let count: usize =
-                all.iter().map(|hits| moves(hits, state, states).iter().filter(|&&moves| moves).count()).sum();
-            if (count as f64) < self.recipe.least_motion * (all.len() * size[0] * size[1]) as f64 {
-                return Err(Refusal::Still);
-            }
+            let count = all.iter().map(|hits| moves(hits, state, states).iter().filter(|&&moves| moves).count()).sum();
+            judge_motion(self.recipe.least_motion, states.len(), count, all.len() * size[0] * size[1])?;
         }
         let seen: Vec<_> = views.iter().zip(&all).map(|(view, hits)| (view, state, &**hits)).collect();
         judge_overlap(&seen)?;
