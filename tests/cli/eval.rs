@@ -139,3 +139,26 @@ fn a_network_is_judged_beside_trivial_answers() {
     omnix(&["eval", "network", "--weights", "no-such"]).fails(3, &["no-such"]);
     omnix(&["eval", "network", "--size", "57x42"]).fails(2, &["14"]);
 }
+
+#[test]
+fn what_a_network_costs_is_counted_and_measured() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("r.json");
+    let more = ["--images", "2,1", "--size", "42x28", "--runs", "1", "--json", out.to_str().unwrap()];
+    let ran = omnix(&[&["eval", "efficiency"][..], &more].concat()).ok();
+    let report = json(&out);
+    let value = |images: &str, name: &str| mean(&report, images)[name].as_f64().unwrap_or_else(|| panic!("no {name}"));
+    // Those of the checkpoint's file.
+    let info = omnix(&["weights", "info", "nano", "--json"]).ok().out;
+    let stated: Value = serde_json::from_str(info.lines().next().unwrap()).unwrap();
+    for images in ["1 image(s)", "2 image(s)"] {
+        assert_eq!(value(images, "parameters"), stated["parameters"].as_f64().unwrap() / 1e6, "{stated}");
+        assert!(0.0 < value(images, "layers") && value(images, "layers") < value(images, "all"), "{}", ran.out);
+        assert!(value(images, "planned") > 0.0 && value(images, "run") > 0.0 && value(images, "start") > 0.0);
+        #[cfg(target_os = "linux")]
+        assert!(value(images, "measured") > 1.0);
+    }
+    assert!(value("2 image(s)", "layers") > 1.5 * value("1 image(s)", "layers"));
+    let ran = omnix(&["eval", "efficiency", "--size", "43x28"]);
+    assert_eq!(ran.code, Some(2), "{}", ran.err);
+}

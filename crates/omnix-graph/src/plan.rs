@@ -99,6 +99,14 @@ impl Plan {
         (self.fixed..self.graph.nodes.len()).map(|i| node_flops(&self.graph, i)).sum()
     }
 
+    /// The part of [`Plan::flops`] that linear layers and convolutions have: what is left without attention and everything small.
+    #[must_use]
+    pub fn layer_flops(&self) -> u64 {
+        let layers = (self.fixed..self.graph.nodes.len())
+            .filter(|i| matches!(self.graph.nodes[*i].op.name(), "linear" | "conv2d"));
+        layers.map(|i| node_flops(&self.graph, i)).sum()
+    }
+
     /// Rows of the largest chunk of each chain, for reports: `(first node's name, rows, rows of a chunk)`.
     #[must_use]
     pub fn chunks(&self) -> Vec<(String, usize, usize)> {

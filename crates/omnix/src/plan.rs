@@ -76,6 +76,12 @@ impl RunPlan {
         self.plans().map(|(plan, runs)| plan.flops() * runs).sum()
     }
 
+    /// The part of [`RunPlan::flops`] that linear layers and convolutions have, as profilers count that look at layers.
+    #[must_use]
+    pub fn layer_flops(&self) -> u64 {
+        self.plans().map(|(plan, runs)| plan.layer_flops() * runs).sum()
+    }
+
     /// Operations of the head over all images.
     #[must_use]
     pub fn head_flops(&self) -> u64 {

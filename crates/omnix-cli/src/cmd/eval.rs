@@ -1,5 +1,6 @@
 //! `omnix eval`: predictions against truth, by the numbers of papers.
 
+mod efficiency;
 mod network;
 
 use std::path::{Path, PathBuf};
@@ -32,6 +33,8 @@ pub(crate) enum EvalCommand {
     /// A network on samples with known depth, cameras and motion, made from a seed or read from a data set: each figure apart, beside the
     /// trivial answers. Opens a device.
     Network(network::NetworkArgs),
+    /// What a network costs: parameters, operations counted both ways, planned and measured memory, time. Opens a device.
+    Efficiency(efficiency::EfficiencyArgs),
 }
 
 /// Where predictions and truth lie, and where the result goes.
@@ -164,6 +167,7 @@ pub(crate) fn run(command: &EvalCommand, ui: &mut Ui) -> Result<(), CliError> {
         EvalCommand::Tapvid3d(args) => (&args.files.json, tapvid3d_of(args)?),
         EvalCommand::Trajectories(files) => (&files.json, trajectories::evaluate(&files.pred, &files.truth)?),
         EvalCommand::Network(args) => (&args.json, network::evaluate(args, ui)?),
+        EvalCommand::Efficiency(args) => (&args.json, efficiency::evaluate(args, ui)?),
     };
     tell(json.as_deref(), &report, ui)
 }
