@@ -5,6 +5,8 @@
 //! seed = 1                          # of start values, order of data and everything else random
 //! memory_budget = "4GiB"
 //! augment = true                    # colours changed at random
+//! layer_scale = 0.01                # what the factors of the branches of transformer blocks start as, from random values
+//! weights_type = "f32"              # or "f16": copies that products read, of f32 weights that are trained; half their bytes
 //! dropout = 0.1                     # share left out at random in the layers that score tokens and make their gain; 0 for none
 //! network = "nano.json"             # or a table [network] with the fields of an omnix-1 config.json
 //! start = { from = "seed" }         # or { from = "checkpoint", path = ".." }, { from = "depth-anything-3", path = ".." }
@@ -42,6 +44,7 @@ use serde_json::Value;
 
 use crate::groups::Group;
 use crate::loss::LossConfig;
+use crate::init::LAYER_SCALE;
 use crate::objective;
 use crate::schedule::Schedule;
 
@@ -63,6 +66,14 @@ pub struct Config {
     #[serde(default)]
     pub start: Start,
     /// What is drawn from the data.
+    /// What the factors of the branches of transformer blocks (layer scale) start as where they start from random values: 0.01, as
+    /// `spec/omnix.md` 11.3 has it for adding to a trained network. A small network that starts from nothing learns sooner with 1.
+    #[serde(default = "layer_scale")]
+    pub layer_scale: f32,
+    /// How the copies of the weights are stored that matrix products and convolutions read. The weights themselves, their moments and
+    /// everything else are f32 always.
+    #[serde(default)]
+    pub weights_type: Copies,
     pub sample: SampleConfig,
     /// The data.
     #[serde(default)]
@@ -194,6 +205,10 @@ pub struct Optimiser {
     pub betas: [f64; 2],
     /// Added to the root of the second mean.
     pub eps: f64,
+const fn layer_scale() -> f32 {
+    LAYER_SCALE
+}
+
     /// Weight decay of groups that have none of their own.
     pub decay: f64,
     /// The norm that the gradient is clipped to; 0 for no clip.

@@ -1,19 +1,25 @@
 //! Start values: a function of (seed, tensor name), or a checkpoint where its tensors fit by name and shape.
 //!
-//! From a seed (`spec/omnix.md` 11.3; where that is silent, what timm does for vision transformers and PyTorch for the rest):
+//! From a seed (`spec/omnix.md` 11.3; where that is silent, what keeps the deviation of a signal from layer to layer):
 //!
 //! | tensors | value |
 //! |---|---|
 //! | norms | weight 1, bias 0 |
-//! | layer scale (`gamma`) | 0.01 |
-//! | tokens and position table, linear layers of transformer blocks | normal, deviation 0.02, cut at 2 deviations |
-//! | other linear layers, convolutions | uniform in ±1/√(inputs of an output) |
+//! | layer scale (`gamma`) | 0.01, or what the configuration says |
+//! | tokens and position table | normal, deviation 0.02, cut at 2 deviations |
+//! | linear layers of transformer blocks | normal, deviation 1/√(inputs of an output), cut at 2 deviations |
+//! | other linear layers, convolutions | uniform in ±√(3 / inputs of an output) |
+//! | last layers of heads, second convolutions of residual units | uniform in ±1/√(inputs of an output) |
 //! | projections of the time codes, AdaLN's | 0 |
 //! | `offset_head.feature_merge` | `[C, 3C]`: the identity on the first C, which are the feature |
 //! | last layer of the sampling head | N(0, 1e-3) |
 //! | `st_mod.motion_proj_list.*.2` | weight 0; bias: no motion, which as 6D rotation and translation is 1,0,0, 0,1,0, 0,0,0 |
 //! | `cam_dec.fc_qvec`, `fc_fov.0` | bias: no rotation (0,0,0,1); 1 radian, since behind them is a ReLU that would start dead |
 //! | other biases | 0 |
+//!
+//! timm starts every block with a deviation of 0.02 and PyTorch every convolution in ±1/√inputs, of a transposed one by the inputs that it
+//! would have if it were none. At the release's width the first is the same; at a width of 192 a block adds a tenth of its input, and a DPT head keeps
+//! a few thousandths of its finest features, so that depth stays the same everywhere for thousands of steps (benches/log/2026-11-30-learning.md).
 //!
 //! From a checkpoint: what fits. Of a Depth Anything 3 checkpoint (`spec/omnix.md` 1.2) `head.*` is also the start of `offset_head.*`,
 //! but for the ray branch (`aux`) and the last layer. What does not fit starts from the seed.
@@ -34,10 +40,30 @@ pub enum Origin {
     DepthHead,
 }
 
+/// Layer scale of `spec/omnix.md` 11.3, for blocks that are added to a trained network.
+pub const LAYER_SCALE: f32 = 0.01;
+
+/// What random start values depend on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeedValues {
+    /// The seed.
+    pub seed: u64,
+    /// Layer scale.
+    pub layer_scale: f32,
+}
+
+impl SeedValues {
+    /// This seed, and [`LAYER_SCALE`].
+    #[must_use]
+    pub const fn new(seed: u64) -> Self {
+        Self { seed, layer_scale: LAYER_SCALE }
+    }
+}
+
 /// The start values of a network.
 #[derive(Debug)]
 pub struct StartValues {
-    seed: u64,
+    seed: SeedValues,
     from: Option<Checkpoint>,
     borrow_head: bool,
 }
@@ -45,14 +71,14 @@ pub struct StartValues {
 impl StartValues {
     /// Random values.
     #[must_use]
-    pub const fn seeded(seed: u64) -> Self {
+    pub const fn seeded(seed: SeedValues) -> Self {
         Self { seed, from: None, borrow_head: false }
     }
 
     /// A checkpoint's values where they fit, random ones elsewhere. `borrow_head`: the sampling head, where the checkpoint has none,
     /// starts as the depth head.
     #[must_use]
-    pub const fn from_checkpoint(checkpoint: Checkpoint, borrow_head: bool, seed: u64) -> Self {
+    pub const fn from_checkpoint(checkpoint: Checkpoint, borrow_head: bool, seed: SeedValues) -> Self {
         Self { seed, from: Some(checkpoint), borrow_head }
     }
 
@@ -114,11 +140,13 @@ enum Rule {
 
 /// A rotation by nothing as the first two columns of its matrix, and no translation.
 const NO_MOTION: &[f32] = &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+/// Ends of the names of last layers of heads, and of second convolutions of residual units.
+const LAST: [&str; 4] = ["output_conv2.2", "last_layer", "time_embed_scaling_mlp.6", ".conv2"];
 const NO_ROTATION: &[f32] = &[0.0, 0.0, 0.0, 1.0];
 /// Deviations at which a normal distribution without a cut is cut all the same: none of a billion numbers comes there.
 const UNCUT: f64 = 8.0;
 
-fn rule(name: &str, shape: &[usize]) -> Rule {
+fn rule(name: &str, shape: &[usize], layer_scale: f32) -> Rule {
     let motion = name.contains("motion_proj_list.");
     if let Some(layer) = name.strip_suffix(".bias") {
         return match layer {
@@ -130,29 +158,38 @@ fn rule(name: &str, shape: &[usize]) -> Rule {
     }
     let Some(layer) = name.strip_suffix(".weight") else {
         // Tokens, the position table, and layer scale.
-        return if name.ends_with(".gamma") { Rule::Constant(0.01) } else { Rule::Normal(0.02, 2.0) };
+        return if name.ends_with(".gamma") { Rule::Constant(layer_scale) } else { Rule::Normal(0.02, 2.0) };
     };
     let zero =
         layer.ends_with("_idx_embed.proj") || layer.contains("sp_adaln.t_proj") || motion && layer.ends_with(".2");
-    let inputs = || shape[1..].iter().product::<usize>().max(1) as f64;
+    // A transposed convolution whose stride is its size: every output has one number of each channel.
+    let transposed = layer.ends_with("resize_layers.0") || layer.ends_with("resize_layers.1");
+    let each = shape.get(1..).map_or(1, |rest| rest.iter().product::<usize>());
+    let inputs = if transposed { shape[0] } else { each }.max(1) as f64;
+    let last =
+        LAST.iter().any(|end| layer.ends_with(end)) || layer.contains(".fc_") || layer.contains("output_conv2_aux");
     match (layer, shape) {
         _ if zero => Rule::Constant(0.0),
         (_, [_]) => Rule::Constant(1.0),
         ("offset_head.feature_merge", [_, columns]) => Rule::Identity(*columns),
         ("offset_head.scratch.output_conv2.2", _) => Rule::Normal(1e-3, UNCUT),
-        (_, [_, _]) if layer.contains("blocks.") || layer.contains(".trunk.") => Rule::Normal(0.02, 2.0),
+        (_, [_, _]) if layer.contains("blocks.") || layer.contains(".trunk.") => {
+            Rule::Normal(inputs.sqrt().recip(), 2.0)
+        }
         (_, []) => Rule::Constant(0.0),
-        _ => Rule::Uniform(1.0 / inputs().sqrt()),
+        _ if last => Rule::Uniform(inputs.sqrt().recip()),
+        _ => Rule::Uniform((3.0 / inputs).sqrt()),
     }
 }
 
 /// The start values of a tensor from a seed.
 #[must_use]
-pub fn from_seed(seed: u64, name: &str, shape: &[usize]) -> Vec<f32> {
+pub fn from_seed(seed: SeedValues, name: &str, shape: &[usize]) -> Vec<f32> {
+    let SeedValues { seed, layer_scale } = seed;
     let count = shape.iter().product();
     let mut random = Random::new(seed, &format!("start {name}"), 0);
     let mut fill = |draw: &mut dyn FnMut(&mut Random) -> f64| (0..count).map(|_| draw(&mut random) as f32).collect();
-    match rule(name, shape) {
+    match rule(name, shape, layer_scale) {
         Rule::Constant(value) => vec![value; count],
         Rule::Values(values) => values.to_vec(),
         Rule::Normal(deviation, cut) => fill(&mut |random| deviation * random.normal_within(cut)),
@@ -175,7 +212,7 @@ mod tests {
 
     #[test]
     fn special_layers_start_as_the_specification_says() {
-        let made = |name: &str, shape: &[usize]| from_seed(3, name, shape);
+        let made = |name: &str, shape: &[usize]| from_seed(SeedValues::new(3), name, shape);
         assert_eq!(made("offset_head.feature_merge.weight", &[2, 6]), [1., 0., 0., 0., 0., 0., 0., 1., 0., 0., 0., 0.]);
         for zero in ["backbone.pretrained.video_idx_embed.proj.weight", "st_mod.local_time_idx_embed.proj.weight"] {
             assert_eq!(made(zero, &[2, 2]), [0.0; 4]);
@@ -186,6 +223,8 @@ mod tests {
         assert_eq!(made("cam_dec.fc_qvec.bias", &[4]), [0.0, 0.0, 0.0, 1.0]);
         assert_eq!(made("cam_dec.fc_fov.0.bias", &[2]), [1.0; 2]);
         assert_eq!(made("st_mod.blocks.0.ls2.gamma", &[3]), [0.01; 3]);
+        let larger = SeedValues { layer_scale: 0.5, ..SeedValues::new(3) };
+        assert_eq!(from_seed(larger, "st_mod.blocks.0.ls2.gamma", &[3]), [0.5; 3]);
         assert_eq!((made("head.norm.weight", &[3]), made("head.norm.bias", &[3])), (vec![1.0; 3], vec![0.0; 3]));
         let last = made("offset_head.scratch.output_conv2.2.weight", &[109, 32, 1, 1]);
         assert!((deviation(&last) / 1e-3 - 1.0).abs() < 0.05);
@@ -193,17 +232,25 @@ mod tests {
 
     #[test]
     fn transformers_are_normal_and_the_rest_is_uniform() {
-        let block = from_seed(3, "backbone.pretrained.blocks.3.attn.qkv.weight", &[96, 32]);
-        assert!((deviation(&block) / (0.02 * 0.88) - 1.0).abs() < 0.05);
-        assert!(block.iter().all(|v| v.abs() <= 0.04));
-        let conv = from_seed(3, "head.scratch.layer1_rn.weight", &[8, 16, 3, 3]);
-        let bound = 1.0 / 144f32.sqrt();
-        assert!(conv.iter().all(|v| v.abs() < bound) && conv.iter().any(|v| v.abs() > 0.98 * bound));
+        let block = from_seed(SeedValues::new(3), "backbone.pretrained.blocks.3.attn.qkv.weight", &[96, 32]);
+        let wanted = 1.0 / 32f64.sqrt();
+        assert!((deviation(&block) / (wanted * 0.88) - 1.0).abs() < 0.05);
+        assert!(block.iter().all(|v| f64::from(v.abs()) <= 2.0 * wanted));
+        let conv = from_seed(SeedValues::new(3), "head.scratch.layer1_rn.weight", &[8, 16, 3, 3]);
+        let within = |values: &[f32], bound: f32| {
+            values.iter().all(|v| v.abs() < bound) && values.iter().any(|v| v.abs() > 0.98 * bound)
+        };
+        assert!(within(&conv, (3.0f32 / 144.0).sqrt()));
+        let small = from_seed(SeedValues::new(3), "head.scratch.refinenet1.resConfUnit1.conv2.weight", &[8, 8, 3, 3]);
+        assert!(within(&small, 1.0 / 72f32.sqrt()));
+        // Of a transposed convolution, [in, out, rows, columns].
+        let up = from_seed(SeedValues::new(3), "head.resize_layers.0.weight", &[16, 8, 4, 4]);
+        assert!(within(&up, (3.0f32 / 16.0).sqrt()));
     }
 
     #[test]
     fn a_function_of_seed_and_name() {
-        let made = |seed, name| from_seed(seed, name, &[4, 4]);
+        let made = |seed, name| from_seed(SeedValues::new(seed), name, &[4, 4]);
         assert_eq!(made(1, "cam_dec.backbone.0.weight"), made(1, "cam_dec.backbone.0.weight"));
         assert_ne!(made(1, "cam_dec.backbone.0.weight"), made(2, "cam_dec.backbone.0.weight"));
         assert_ne!(made(1, "cam_dec.backbone.0.weight"), made(1, "cam_dec.backbone.2.weight"));
@@ -222,7 +269,7 @@ mod tests {
         names.iter().for_each(|name| writer.write_f32(name, &[5.0, 6.0]).unwrap());
         writer.write_f32("model.backbone.pretrained.norm.weight", &[f32::NAN]).unwrap();
         writer.finish().unwrap();
-        let start = StartValues::from_checkpoint(Checkpoint::open(dir.path()).unwrap(), true, 1);
+        let start = StartValues::from_checkpoint(Checkpoint::open(dir.path()).unwrap(), true, SeedValues::new(1));
         assert_eq!(start.tensor("head.norm.weight", &[2]).unwrap(), [5.0, 6.0]);
         assert_eq!(start.tensor("offset_head.norm.weight", &[2]).unwrap(), [5.0, 6.0]);
         // Its last layer is its own, and other shapes do not fit.

@@ -9,7 +9,9 @@ use omnix_weights::Checkpoint;
 use crate::TrainError;
 use crate::checkpoint::Saved;
 use crate::config::{Recipe, Start};
-use crate::init::{Origin, StartValues};
+use crate::ended::Ended;
+use crate::init::{Origin, SeedValues, StartValues};
+use crate::peers::Peers;
 
 /// A folder that this run alone writes to.
 #[derive(Debug)]
@@ -62,7 +64,7 @@ impl Session {
     /// # Errors
     /// A checkpoint that cannot be opened, or that has nothing in common with the network.
     pub fn start_values(&self) -> Result<StartValues, TrainError> {
-        let seed = self.recipe.config.seed;
+        let seed = SeedValues { seed: self.recipe.config.seed, layer_scale: self.recipe.config.layer_scale };
         let (path, borrow_head) = match (&self.saved, &self.recipe.config.start) {
             (Some(saved), _) => (saved.path(), false),
             (None, Start::Seed) => return Ok(StartValues::seeded(seed)),
