@@ -11,6 +11,7 @@ mod draw;
 mod error;
 mod files;
 mod fit;
+mod join;
 #[cfg(test)]
 mod made;
 mod normalise;
@@ -28,6 +29,7 @@ pub mod targets;
 pub use dense::rasterise;
 pub use draw::{Rule, draw};
 pub use error::DataError;
+pub use join::join;
 pub use normalise::{Normalised, mean_distance, normalise};
 pub use read::{ReadOptions, read};
 pub use sample::{Dense, Flag, Motion, PIXEL, Sample, SampleParts, Time, Tracks, Unit};

@@ -13,6 +13,7 @@
 //!
 //! [sample]                          # what is drawn from the data: number of images, and their width and height
 //! images = 4
+//! scenes = 1                        # of which they are: an equal share each
 //! size = [140, 84]
 //! [[data]]                          # as many as wanted, drawn in proportion to their weights
 //! made = "shapes"                   # or made = "scenes" (recipe, photos), or path = "..", a folder with scenes of a data set; set, shares, step
@@ -152,6 +153,10 @@ pub struct DataConfig {
     /// Samples that are made while training.
     #[serde(default)]
     pub made: Option<Made>,
+    /// Number of scenes that they are of, an equal share each; motion is then left out, and the images of different scenes have nothing to
+    /// tell each other. Where a network starts from nothing, many scenes in a step are worth more than many views of one.
+    #[serde(default = "single")]
+    pub scenes: u32,
     /// Of made scenes: the file of the recipe that they are drawn from; the standard one where it is not given.
     #[serde(default)]
     pub recipe: Option<PathBuf>,
@@ -208,6 +213,10 @@ pub struct Optimiser {
 const fn layer_scale() -> f32 {
     LAYER_SCALE
 }
+const fn single() -> u32 {
+    1
+}
+
 
     /// Weight decay of groups that have none of their own.
     pub decay: f64,

@@ -1,13 +1,15 @@
 //! Where samples come from: sources by weight, of which sample n is a function of (seed, n) alone.
 //!
 //! So the whole state of the data is the number of the next sample. Which source it comes from is drawn in proportion to the weights.
-//! Samples leave normalised (`spec/omnix.md` 11.1), those of training with their colours changed where that is asked for (11.3).
+//! Samples leave normalised (`spec/omnix.md` 11.1), those of training with their colours changed where that is asked for (11.3). Where a
+//! sample is of several scenes, part k of sample n is what sample n · scenes + k would be with the images of one part, and the parts are
+//! joined, each normalised for itself.
 
 use omnix_data::augment::{colour, draw_colours};
-use omnix_data::{Sample, Set, normalise};
+use omnix_data::{Sample, Set, join, normalise};
 
 use crate::TrainError;
-use crate::config::{Config, Made};
+use crate::config::{Config, Made, SampleConfig};
 use crate::folder::Folder;
 use crate::random::Random;
 use crate::scenes::Scenes;
@@ -29,6 +31,8 @@ pub struct Drawn {
 pub struct Mixture {
     seed: u64,
     augment: bool,
+    /// Scenes of a sample.
+    scenes: u32,
     /// Each with the sum of the weights up to it, of a sum of 1.
     sources: Vec<(f64, Box<dyn Source>)>,
 }
@@ -43,7 +47,7 @@ impl Mixture {
             sum += weight;
             (sum / all, source)
         });
-        Self { seed, augment: false, sources: sources.collect() }
+        Self { seed, augment: false, scenes: 1, sources: sources.collect() }
     }
 
     /// The sources of a configuration. Where validation has none of its own, it draws from those of training with another seed.
@@ -54,7 +58,8 @@ impl Mixture {
         let purpose = if validation { "validation data" } else { "training data" };
         let own = config.validation.iter().filter(|_| validation).flat_map(|v| &v.data);
         let own: Vec<_> = own.collect();
-        let (images, size) = (config.sample.images, config.sample.size);
+        let SampleConfig { images, scenes, size } = config.sample;
+        let images = images / scenes.max(1);
         let mut weighted = Vec::new();
         for data in if own.is_empty() { config.data.iter().collect() } else { own } {
             let source: Box<dyn Source> = match (data.made, &data.path) {
@@ -73,7 +78,7 @@ impl Mixture {
             weighted.push((data.weight, source));
         }
         let seed = Random::new(config.seed, purpose, 0).bits();
-        Ok(Self { augment: config.augment && !validation, ..Self::new(seed, weighted) })
+        Ok(Self { augment: config.augment && !validation, scenes, ..Self::new(seed, weighted) })
     }
 
     /// Sample `number`.
@@ -81,6 +86,25 @@ impl Mixture {
     /// # Errors
     /// What keeps it from being read or made, with its number and source.
     pub fn draw(&self, number: u64) -> Result<Drawn, TrainError> {
+        if self.scenes <= 1 {
+            return self.part(number);
+        }
+        let scenes = u64::from(self.scenes);
+        let parts: Vec<Drawn> = (0..scenes).map(|k| self.part(number * scenes + k)).collect::<Result<_, _>>().map_err(
+            |error| match error {
+                TrainError::Sample { label, source, .. } => TrainError::Sample { number, label, source },
+                error => error,
+            },
+        )?;
+        let label = parts.first().map_or_else(String::new, |part| part.label.clone());
+        match join(parts.into_iter().map(|part| part.sample).collect()) {
+            Ok(sample) => Ok(Drawn { number, label, sample }),
+            Err(error) => Err(TrainError::Sample { number, label, source: Box::new(error.into()) }),
+        }
+    }
+
+    /// A sample of one scene.
+    fn part(&self, number: u64) -> Result<Drawn, TrainError> {
         let place = Random::new(self.seed, "source", number).uniform();
         let index = self.sources.partition_point(|(end, _)| *end <= place).min(self.sources.len().saturating_sub(1));
         let Some((_, source)) = self.sources.get(index) else {
@@ -127,5 +151,17 @@ mod tests {
         // In another order, the same.
         assert!((0..400).rev().step_by(37).all(|n| mixture().draw(n as u64).unwrap().label == labels[n]));
         assert_eq!(mixture().draw(7).unwrap().sample, mixture().draw(7).unwrap().sample);
+    }
+
+    #[test]
+    fn a_sample_of_several_scenes_joins_their_parts() {
+        let joined = Mixture { scenes: 3, ..mixture() };
+        let drawn = joined.draw(2).unwrap();
+        assert_eq!((drawn.number, drawn.sample.count()), (2, 3));
+        for (k, number) in (6..9).enumerate() {
+            let part = mixture().draw(number).unwrap().sample;
+            assert_eq!((drawn.sample.image(k), drawn.sample.cameras()[k]), (part.image(0), part.cameras()[0]));
+            assert_eq!(drawn.sample.depth(k), part.depth(0));
+        }
     }
 }

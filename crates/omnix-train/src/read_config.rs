@@ -44,6 +44,10 @@ pub fn read_config(path: &Path) -> Result<Recipe, TrainError> {
         }
     };
     let network = NetworkConfig::from_json(&network_json)?;
+    if config.sample.scenes > 1 && network.trajectory.is_some() {
+        let cure = "samples of several scenes teach no motion: leave [network.trajectory] out, or take one scene";
+        return Err(TrainError::contradiction("sample.scenes", cure));
+    }
     Ok(Recipe { config, network_json, network })
 }
 

@@ -109,7 +109,7 @@ pub(crate) fn plan(config: &Path, caps: &Caps, budget: Option<u64>, ui: &mut Ui)
         ui.event("done", json!({}));
         return Ok(());
     }
-    let SampleConfig { images, size: [width, height] } = recipe.config.sample;
+    let SampleConfig { images, size: [width, height], .. } = recipe.config.sample;
     let samples = recipe.config.optimiser.accumulate;
     let Takes { bytes, flops } = plan.takes;
     let (mut memory, mut work) = (String::new(), String::new());

@@ -3,7 +3,7 @@
 use omnix_data::Set;
 use omnix_model::PATCH;
 
-use super::{Config, DataConfig, Made, Optimiser, Validation};
+use super::{Config, DataConfig, Made, Optimiser, SampleConfig, Validation};
 use crate::TrainError;
 
 fn need(holds: bool, key: &str, cure: &str) -> Result<(), TrainError> {
@@ -42,6 +42,9 @@ impl Config {
         let held_out = self.validation.iter().flat_map(|validation| &validation.data);
         self.data.iter().chain(held_out).try_for_each(DataConfig::check)?;
         need(self.sample.images > 0, "sample.images", "a sample has at least one image")?;
+        let SampleConfig { images, scenes, .. } = self.sample;
+        let shares = scenes > 0 && images.is_multiple_of(scenes);
+        need(shares, "sample.scenes", "the images of a sample are shared equally by its scenes")?;
         let patches = self.sample.size.iter().all(|side| *side > 0 && side.is_multiple_of(PATCH as u32));
         need(patches, "sample.size", "width and height are multiples of 14")?;
         need(betas.iter().all(|beta| share(*beta)), "optimiser.betas", "both are from 0 to below 1")?;
