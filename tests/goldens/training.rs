@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use omnix::Weights;
 use omnix::graph::ParameterSource as _;
+use omnix_kernels::WeightType;
 use omnix_tests::{gpu, relative_error};
 use omnix_train::device::{DeviceStep, Objective, Optimiser, Room, Size, StepPlan};
 use omnix_train::groups::Group;
@@ -61,7 +62,7 @@ fn ready(weights: &Weights, case: &Case) -> Result<(DeviceStep, Vec<omnix::model
     let loss = LossConfig::release();
     // The recording was made without dropout.
     let objective = Objective { loss: &loss, groups: &Group::release(), dropout: None };
-    let room = Room { caps: &gpu().caps, budget: None, accumulated: false, averaged: false };
+    let room = Room { caps: &gpu().caps, budget: None, gradients: 0, averaged: false, copies: WeightType::F32 };
     let plan = StepPlan::new(weights.network(), size, objective, room);
     let plan = plan.map_err(|e| text(&e))?;
     let codes = plan.codes.clone();

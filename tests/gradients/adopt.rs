@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use omnix_graph::ops::{Binary, HeadNorm, Heads, Unary};
 use omnix_graph::passes::adopt::{gradient_output, parameter_input};
 use omnix_graph::{Graph, GraphError, Plan, PlanOptions, Shape, Value};
-use omnix_kernels::Gpu;
+use omnix_kernels::{Gpu, WeightType};
 use omnix_tests::{Trial, family, gpu, trials};
 
 use crate::case::Case;
@@ -13,7 +13,7 @@ use crate::case::Case;
 pub(crate) fn trials() -> Vec<Trial> {
     trials!(
         "adopt",
-        tiers: [inputs_give_the_bits_of_the_store],
+        tiers: [inputs_give_the_bits_of_the_store, f16_copies_give_the_bits_of_a_store_of_f16],
         device: [
             some_tensors_may_stay_in_the_store,
             each_gradient_is_the_same_without_the_others,
@@ -91,7 +91,7 @@ fn inputs_give_the_bits_of_the_store(gpu: &Gpu) {
     let mut graph = case.graph.clone();
     let names = graph.gradients(loss, &|_| true).expect("differentiates");
     let stored = read(&case, gpu, &graph, &names);
-    let adopted = graph.adopt(&names).expect("adopts");
+    let adopted = graph.adopt(&names, WeightType::F32).expect("adopts");
     for name in &names {
         let input = adopted.find(&parameter_input(name)).expect("an input");
         assert_eq!(adopted.shape(input).elements(), case.data[name].len(), "{name}");
@@ -99,6 +99,24 @@ fn inputs_give_the_bits_of_the_store(gpu: &Gpu) {
     assert_eq!(read(&case, gpu, &adopted, &names), stored, "{}", family(gpu));
     // And they are the gradients.
     case.check(gpu, &outputs);
+}
+
+/// Products read rounded copies, and nothing else does.
+fn f16_copies_give_the_bits_of_a_store_of_f16(gpu: &Gpu) {
+    let (mut case, outputs) = network();
+    let loss = case.loss(&outputs);
+    let mut graph = case.graph.clone();
+    let names = graph.gradients(loss, &|_| true).expect("differentiates");
+    let full = read(&case, gpu, &graph, &names);
+    case.options = case.options.storage(WeightType::F16);
+    let stored = read(&case, gpu, &graph, &names);
+    let adopted = graph.adopt(&names, WeightType::F16).expect("adopts");
+    assert_eq!(read(&case, gpu, &adopted, &names), stored, "{}", family(gpu));
+    // Rounding to 11 bits is seen, and is all that is seen.
+    let apart = |name: &String| omnix_tests::relative_error(&stored[name], &full[name]);
+    let largest = names.iter().map(apart).fold(0.0, f64::max);
+    assert!((1e-6..2e-2).contains(&largest), "{largest} ({})", family(gpu));
+    assert!(matches!(graph.adopt(&names, WeightType::I8), Err(GraphError::Arguments { op: "pack", .. })));
 }
 
 fn some_tensors_may_stay_in_the_store(gpu: &Gpu) {
@@ -110,7 +128,7 @@ fn some_tensors_may_stay_in_the_store(gpu: &Gpu) {
     let mut graph = case.graph.clone();
     let some = graph.gradients(loss, &|name| name != "qkv" && !name.starts_with("up.")).expect("differentiates");
     assert_eq!(some.len(), all.len() - 3);
-    let graph = graph.adopt(&some).expect("adopts");
+    let graph = graph.adopt(&some, WeightType::F32).expect("adopts");
     assert!(graph.find(&parameter_input("qkv")).is_none(), "a frozen tensor is no input");
     for (name, gradient) in read(&case, gpu, &graph, &some) {
         assert_eq!(gradient, want[&name], "{name} ({})", family(gpu));
@@ -181,7 +199,7 @@ fn gradients_that_no_node_makes_are_outputs() {
     let mut graph = case.graph.clone();
     let names = graph.gradients(bias, &|_| true).expect("differentiates");
     assert_eq!(read(&case, gpu(), &graph, &names)["bias"], [1.0]);
-    let adopted = graph.adopt(&names).expect("adopts");
+    let adopted = graph.adopt(&names, WeightType::F32).expect("adopts");
     assert_eq!(read(&case, gpu(), &adopted, &names)["bias"], [1.0]);
 
     let mut case = Case::new("an input");
@@ -194,7 +212,7 @@ fn gradients_that_no_node_makes_are_outputs() {
 
 fn names_that_the_graph_does_not_read_change_nothing() {
     let (case, _) = network();
-    let adopted = case.graph.adopt(&["no such tensor".to_owned()]).expect("adopts");
+    let adopted = case.graph.adopt(&["no such tensor".to_owned()], WeightType::F32).expect("adopts");
     assert_eq!(adopted.nodes().len(), case.graph.nodes().len());
     assert_eq!(adopted.count(), case.graph.count());
 }

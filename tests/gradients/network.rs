@@ -10,6 +10,7 @@ use omnix::bench::RandomWeights;
 use omnix_graph::graph::Source;
 use omnix_graph::passes::adopt::gradient_output;
 use omnix_graph::{Graph, GraphError, ParameterSource as _, Plan, PlanOptions, Value};
+use omnix_kernels::WeightType;
 use omnix_model::{DRAW, Dropout, Network, NetworkConfig, TrainingSpec};
 use omnix_tests::{Rng, Trial, gpu, trials};
 use serde_json::json;
@@ -129,7 +130,7 @@ fn every_tensor_of_every_variant_is_trained() {
         let found = graph.gradients(loss, &|_| true).unwrap_or_else(|error| panic!("{changes}: {error}"));
         let missing: Vec<&String> = case.parameters().filter(|name| !found.contains(name)).collect();
         assert!(missing.is_empty(), "{changes}: {missing:?} have no gradient");
-        graph.adopt(&found).unwrap_or_else(|error| panic!("{changes}: {error}"));
+        graph.adopt(&found, WeightType::F32).unwrap_or_else(|error| panic!("{changes}: {error}"));
     }
 }
 
@@ -137,7 +138,7 @@ fn parameters_as_inputs_and_little_memory_change_no_bit() {
     let (mut case, loss) = recorded(&json!({}), None);
     let mut graph = case.graph.clone();
     let names = graph.gradients(loss, &|_| true).expect("differentiates");
-    let adopted = graph.adopt(&names).expect("adopts");
+    let adopted = graph.adopt(&names, WeightType::F32).expect("adopts");
     let read = |case: &Case, graph: &Graph| {
         let executable = case.run(gpu(), graph);
         let read = |name: &String| executable.read(&gradient_output(name)).expect("reads");
@@ -160,7 +161,7 @@ fn values_computed_again_change_no_bit() {
     let (mut case, loss) = recorded(&json!({}), Some(Dropout { share: 0.3, seed: 11 }));
     let mut graph = case.graph.clone();
     let names = graph.gradients(loss, &|_| true).expect("differentiates");
-    let graph = graph.adopt(&names).expect("adopts");
+    let graph = graph.adopt(&names, WeightType::F32).expect("adopts");
     let whole = Plan::new(&graph, &gpu().caps, &PlanOptions::default()).expect("plans").working_bytes();
     let within = |budget: u64| PlanOptions::default().budget(budget).recompute(true);
     let too_little = Plan::new(&graph, &gpu().caps, &within(1)).expect_err("a byte");

@@ -6,7 +6,7 @@ use omnix_graph::ops::{AdamW, ReduceOp, Unary};
 use omnix_graph::passes::adopt::{gradient_output, parameter_input};
 use omnix_graph::plan::memory::Place;
 use omnix_graph::{Graph, GraphError, Operation as _, Plan, PlanOptions, Value};
-use omnix_kernels::{Caps, Gpu, adamw};
+use omnix_kernels::{Caps, Gpu, WeightType, adamw};
 use omnix_tests::{gpu, tiers};
 
 use crate::support::{block, feed, numbers, prepare};
@@ -31,7 +31,7 @@ fn network() -> (Graph, Value) {
 fn differentiated() -> (Graph, Vec<String>) {
     let (mut g, loss) = network();
     let names = g.gradients(loss, &|_| true).expect("differentiates");
-    (g.adopt(&names).expect("adopts"), names)
+    (g.adopt(&names, WeightType::F32).expect("adopts"), names)
 }
 
 fn repeating(budget: u64) -> PlanOptions {

@@ -106,6 +106,17 @@ pub struct Config {
     pub checkpoint: Checkpoints,
 }
 
+/// How copies of trained weights are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Copies {
+    /// In full.
+    #[default]
+    F32,
+    /// In half the bytes, rounded to 11 bits: what small steps of training change is kept in the weights, not in their copies.
+    F16,
+}
+
 /// A network: a file, or its fields in place.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]

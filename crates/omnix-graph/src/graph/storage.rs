@@ -162,14 +162,15 @@ impl WeightKey {
     }
 }
 
-/// How the matrix `value` is stored when the plan stores matrices as `storage`: what a node has packed is f32. int8 is for linear
+/// How the matrix `value` is stored when the plan stores matrices as `storage`; what a node has packed is as the node says. int8 is for linear
 /// layers: the kernels of convolutions, four axes long, are f16 then.
 pub(crate) fn stored_as(values: &Values, value: Value, storage: WeightType) -> WeightType {
-    match &values.info(values.root(value)).source {
+    let info = values.info(values.root(value));
+    match &info.source {
         Source::Parameter(p) if p.keep_f32 => WeightType::F32,
         Source::Parameter(_) if storage == WeightType::I8 && values.shape(value).len() != 2 => WeightType::F16,
         Source::Parameter(_) => storage,
-        _ => WeightType::F32,
+        _ => info.stored,
     }
 }
 

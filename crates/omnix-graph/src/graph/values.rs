@@ -3,6 +3,8 @@
 
 use std::sync::Arc;
 
+use omnix_kernels::WeightType;
+
 use super::parameter::Parameter;
 use super::value::{Shape, Value};
 use crate::error::GraphError;
@@ -40,6 +42,8 @@ pub struct ValueInfo {
     pub source: Source,
     /// What it takes in memory, where the layout pads: `shape` otherwise.
     pub physical: Shape,
+    /// How its numbers are stored, where it is a matrix that a node has packed for products.
+    pub stored: WeightType,
 }
 
 /// All values of a graph.
@@ -96,7 +100,7 @@ impl Values {
 
     pub(crate) fn add(&mut self, name: String, shape: Shape, source: Source) -> Value {
         let physical = shape.clone();
-        self.infos.push(ValueInfo { name, shape, source, physical });
+        self.infos.push(ValueInfo { name, shape, source, physical, stored: WeightType::F32 });
         Value((self.infos.len() - 1) as u32)
     }
 

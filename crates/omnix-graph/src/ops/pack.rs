@@ -15,22 +15,36 @@ pub struct Pack {
     pub block: Parameter,
     /// What reads it.
     pub form: WeightForm,
+    /// How numbers are stored: f32, or f16 for half the bytes where x has the numbers in full.
+    pub storage: WeightType,
 }
 
 impl<O: Operation + From<Pack>> Graph<O> {
-    /// A block of the tensor `x` as the weights of a product: a value of the block's shape, stored as `form` says.
+    /// A block of the tensor `x` as the weights of a product: a value of the block's shape, stored as `form` and `storage` say.
     ///
     /// # Errors
-    /// When `x` is not the whole tensor, or the form is one that only the host makes.
-    pub fn pack(&mut self, x: Value, block: Parameter, form: WeightForm) -> Result<Value, GraphError> {
+    /// When `x` is not the whole tensor, the form is one that only the host makes, or numbers shall be stored as int8.
+    pub fn pack(
+        &mut self,
+        x: Value,
+        block: Parameter,
+        form: WeightForm,
+        storage: WeightType,
+    ) -> Result<Value, GraphError> {
         self.expect("pack", x, &block.full)?;
         let shape = block.shape();
+        if storage == WeightType::I8 {
+            let reason = "weights in training are stored as f32 or f16".to_owned();
+            return Err(GraphError::Arguments { op: "pack", reason });
+        }
         if form.order(&shape, (0, 0)).is_none() {
             return Err(GraphError::Arguments { op: "pack", reason: format!("{form:?} is made by the host") });
         }
-        let words = packed_shape(&shape, form, WeightType::F32).bytes() as usize / 4;
-        let value = self.push_one(Pack { x, block, form }, shape);
-        self.info_mut(value).physical = Shape::from([words]);
+        let words = packed_shape(&shape, form, storage).bytes() as usize / 4;
+        let value = self.push_one(Pack { x, block, form, storage }, shape);
+        let info = self.info_mut(value);
+        info.physical = Shape::from([words]);
+        info.stored = storage;
         Ok(value)
     }
 }
@@ -50,7 +64,7 @@ impl Operation for Pack {
         let order = self.form.order(&shape, (site.n(start)?, site.n(row)?)).ok_or_else(|| {
             KernelError::Unsupported { kernel: "pack", reason: format!("BUG: {:?} is made by the host", self.form) }
         })?;
-        let weights = packed_shape(&shape, self.form, WeightType::F32);
+        let weights = packed_shape(&shape, self.form, self.storage);
         let elements = site.n(site.values.shape(self.x).elements())?;
         let spec = pack::Pack { weights, order, elements };
         site.call([Some(self.x), Some(site.outputs[0])], spec.record(site.caps)?)

@@ -80,11 +80,12 @@ impl Graph {
         matches!(self.info(self.root(value)).source, Source::Node(_))
     }
 
-    /// The same graph with the tensors of these names as inputs, called [`parameter_input`].
+    /// The same graph with the tensors of these names as inputs, called [`parameter_input`], f32. `copies`: how the copies of them are stored
+    /// that products read, f32 or f16.
     ///
     /// # Errors
-    /// When a tensor is read in a form that only the host makes.
-    pub fn adopt(&self, names: &[String]) -> Result<Self, GraphError> {
+    /// When a tensor is read in a form that only the host makes, or copies shall be int8.
+    pub fn adopt(&self, names: &[String], copies: WeightType) -> Result<Self, GraphError> {
         let mut graph = self.clone();
         graph.nodes.clear();
         let mut inputs: BTreeMap<Value, (Value, Parameter)> = BTreeMap::new();
@@ -93,7 +94,7 @@ impl Graph {
             let whole = graph.input(&parameter_input(&name), first.full.clone());
             inputs.extend(blocks.into_iter().map(|(parameter, value)| (value, (whole, parameter))));
         }
-        let mut adopted = Adopted { graph, inputs, made: FxHashMap::default() };
+        let mut adopted = Adopted { graph, inputs, copies, made: FxHashMap::default() };
         for node in &self.nodes {
             adopted.take(self, node)?;
         }
@@ -118,6 +119,8 @@ struct Adopted {
     graph: Graph,
     /// For each value of a parameter, the input of the whole tensor and the block of it.
     inputs: BTreeMap<Value, (Value, Parameter)>,
+    /// How the copies that products read are stored.
+    copies: WeightType,
     /// What readers have in place of a value of a parameter, by the value they read and the form they read it in.
     made: FxHashMap<(Value, Packing), Value>,
 }
@@ -129,7 +132,7 @@ impl Adopted {
         let mut ready: BTreeMap<Value, Value> = BTreeMap::new();
         for input in op.inputs() {
             if self.inputs.contains_key(&from.root(input)) && !ready.contains_key(&input) {
-                let packing = node.op.packing(from, input, WeightType::F32);
+                let packing = node.op.packing(from, input, self.copies);
                 ready.insert(input, self.ready(from, input, packing)?);
             }
         }
@@ -151,7 +154,7 @@ impl Adopted {
         let root = from.root(value);
         let (whole, block) = self.inputs[&root].clone();
         let made = match packing {
-            Packing::Matrix(form, _) => self.graph.pack(whole, block, form)?,
+            Packing::Matrix(form, storage) => self.graph.pack(whole, block, form, storage)?,
             Packing::Plain | Packing::Repeat(_) => {
                 let is_whole = block.shape() == block.full;
                 let plain = if is_whole { whole } else { self.block(whole, &block)? };

@@ -2,7 +2,7 @@
 
 use omnix_graph::passes::adopt::parameter_input;
 use omnix_graph::{Graph, GraphError, Plan, PlanOptions, Value};
-use omnix_kernels::Caps;
+use omnix_kernels::{Caps, WeightType};
 use omnix_model::{Dropout, Network, Parts, TimeCode, TrainingSpec, manifest};
 
 use super::size::Size;
@@ -53,6 +53,8 @@ pub struct Room<'a> {
     pub accumulated: bool,
     /// Whether an average of the weights is kept.
     pub averaged: bool,
+    /// How the copies of the weights are stored that products read.
+    pub copies: WeightType,
 }
 
 /// What a step takes.
@@ -100,8 +102,8 @@ impl StepPlan {
             return Err(TrainError::NothingTrains);
         }
         let trained: Vec<String> = layout.slots.iter().map(|slot| slot.name.clone()).collect();
-        let evaluated = Plan::new(&forward.graph.adopt(&trained)?, room.caps, &PlanOptions::default())?;
-        let graph = g.adopt(&trained)?;
+        let evaluated = Plan::new(&answering.adopt(&trained, room.copies)?, room.caps, &PlanOptions::default())?;
+        let graph = g.adopt(&trained, room.copies)?;
         let train = |options: PlanOptions| Plan::new(&graph, room.caps, &options);
         let kept = train(PlanOptions::default())?;
         let rest = bytes_beside(&kept, &evaluated, &layout, room);

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use omnix_graph::{GraphError, ParameterSource};
-use omnix_kernels::{Caps, Gpu};
+use omnix_kernels::{Caps, Gpu, WeightType};
 use omnix_model::{Dropout, Network, PATCH, Parts, manifest};
 
 use super::plan::{Objective, Room, StepPlan};
@@ -12,7 +12,7 @@ use super::size::Size;
 use super::step::DeviceStep;
 use super::update::Optimiser;
 use crate::TrainError;
-use crate::config::Recipe;
+use crate::config::{Copies, Recipe};
 use crate::init::StartValues;
 use crate::interface::{Part, Step as _};
 use crate::session::Session;
@@ -34,7 +34,12 @@ pub fn planned(recipe: &Recipe, caps: &Caps, budget: Option<u64>) -> Result<Step
     };
     let dropout = (config.dropout > 0.0).then_some(Dropout { share: config.dropout, seed: config.seed });
     let objective = Objective { loss: &config.loss, groups: &config.group, dropout };
-    let room = Room { caps, budget, accumulated: config.optimiser.accumulate > 1, averaged: config.averaged() };
+    let gradients = u64::from(config.optimiser.accumulate > 1 || peers > 1) + u64::from(peers > 1);
+    let copies = match config.weights_type {
+        Copies::F32 => WeightType::F32,
+        Copies::F16 => WeightType::F16,
+    };
+    let room = Room { caps, budget, gradients, averaged: config.averaged(), copies };
     StepPlan::new(&Network::new(recipe.network.clone()), size, objective, room)
 }
 
