@@ -10,6 +10,7 @@
 
 use omnix_data::Sample;
 
+use omnix_eval::network::Score;
 use crate::StepError;
 use crate::groups::Layout;
 
@@ -57,6 +58,9 @@ impl LossValues {
 
 /// How the weights change in a step.
 #[derive(Debug, Clone, PartialEq)]
+/// The figures of an answer, and of the trivial ones, to a validation sample.
+pub type Judged = (Score, [Score; 3]);
+
 pub struct Update {
     /// The step's number, from 1: AdamW corrects its means by it.
     pub step: u64,
@@ -84,11 +88,18 @@ pub trait Step {
     /// Whatever keeps it from being computed.
     fn train(&mut self, sample: &Sample, number: u64) -> Result<LossValues, StepError>;
 
-    /// Forward only, as in inference. `averaged`: with the average of the weights, where there is one.
+    /// Forward only, as in inference. `averaged`: with the average of the weights, where there is one. The losses, and what an evaluation
+    /// says of the answer and of the trivial ones, where the step makes an answer.
     ///
     /// # Errors
     /// Whatever keeps it from being computed.
-    fn validate(&mut self, sample: &Sample, averaged: bool) -> Result<LossValues, StepError>;
+    fn validate(&mut self, sample: &Sample, averaged: bool) -> Result<(LossValues, Option<Judged>), StepError>;
+
+    /// Adds up the gradients of all processes since the last update, in the order of their ranks: the same sum in each of them.
+    ///
+    /// # Errors
+    /// Whatever keeps it from being computed, or a process that cannot be reached.
+    fn exchange(&mut self, peers: &dyn Peers) -> Result<(), StepError>;
 
     /// Changes the weights by the gradients since the last update and forgets these; their norm before the clip.
     ///

@@ -31,7 +31,7 @@ mod source;
 mod swap;
 
 pub use error::{StepError, TrainError};
-pub use interface::{LossValues, Part, Step, Update};
+pub use interface::{Judged, LossValues, Part, Step, Update};
 pub use loader::Loader;
 pub use loss::{LossConfig, Losses, Terms};
 pub use mixture::{Drawn, Mixture};

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! OUT/train.jsonl     {"kind":"step","step":K,"loss":..,"terms":{..},"norm":..,"rates":[..],"seconds":..,"time":..}
-//!                     {"kind":"validation","step":K,"loss":..,"terms":{..},"time":..}
+//!                     {"kind":"validation","step":K,"loss":..,"terms":{..},"figures":{..},"time":..}
 //! OUT/events.out.tfevents.SECONDS.STEP.omnix      the same numbers; one file for each start of the program
 //! OUT/train.html      curves; written anew every so often
 //! ```
@@ -102,12 +102,21 @@ impl Report {
         self.line(*step, line)
     }
 
-    /// Reports a validation.
+    /// Reports a validation; `figures` by name.
     ///
     /// # Errors
     /// Files that cannot be written.
-    pub fn validation(&mut self, step: u64, losses: &LossValues) -> Result<(), TrainError> {
-        self.line(step, of_losses("validation", step, losses))
+    pub fn validation(
+        &mut self,
+        step: u64,
+        losses: &LossValues,
+        figures: &[(&'static str, f64)],
+    ) -> Result<(), TrainError> {
+        let mut line = of_losses("validation", step, losses);
+        let figures: Map<String, Value> =
+            figures.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
+        line.insert("figures".to_owned(), Value::Object(figures));
+        self.line(step, line)
     }
 
     fn line(&mut self, step: u64, mut line: Map<String, Value>) -> Result<(), TrainError> {
@@ -181,7 +190,8 @@ fn draw(
         }
     };
     add(format!("{prefix}loss"), format!("{tab}/loss"), line.get("loss"));
-    for (name, value) in line.get("terms").and_then(Value::as_object).into_iter().flatten() {
+    let tables = ["terms", "figures"].into_iter().filter_map(|table| line.get(table).and_then(Value::as_object));
+    for (name, value) in tables.flatten() {
         if !terms.contains(name) {
             terms.push(name.clone());
         }
@@ -241,13 +251,14 @@ mod tests {
         let open = |step| Report::open(dir.path(), step, "nano", &json!({"seed": 1}), &groups).unwrap();
         let mut report = open(0);
         (1..=5).for_each(|step| report.step(&figures(step)).unwrap());
-        report.validation(5, &figures(5).losses).unwrap();
+        report.validation(5, &figures(5).losses, &[("AbsRel", 0.125)]).unwrap();
         // Killed in the middle of a line; the checkpoint is of step 3.
         write!(report.lines, "{{\"kind\":\"st").unwrap();
         drop(report);
         let mut report = open(3);
         (4..=6).for_each(|step| report.step(&figures(step)).unwrap());
-        report.validation(6, &figures(6).losses).unwrap();
+        report.validation(6, &figures(6).losses, &[("AbsRel", 0.25)]).unwrap();
+        assert_eq!(report.curves["validation AbsRel"].points().len(), 1);
         assert_eq!(steps(dir.path()), [1, 2, 3, 4, 5, 6, 6]);
         assert_eq!(report.curves["loss"].points().len(), 6);
         report.page(&[("step", "6 of 20".to_owned())]).unwrap();

@@ -20,6 +20,8 @@ mod tests;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use omnix_eval::network::Figures;
+
 use crate::TrainError;
 use crate::checkpoint::{Best, Progress, changed_settings, save, save_best};
 use crate::groups::Group;
@@ -57,6 +59,8 @@ pub enum Event<'a> {
         losses: &'a LossValues,
         /// Whether it is the best so far.
         best: bool,
+        /// What `omnix eval network` measures, by the names of its columns ([`omnix_eval::network`]): those that these samples have.
+        figures: &'a [(&'static str, f64)],
     },
     /// A checkpoint is on the disk.
     Saved {
@@ -190,11 +194,13 @@ impl Running<'_> {
         let config = self.session.recipe().config.clone();
         while self.progress.step < options.until {
             let begun = Instant::now();
-            let Some(mut figures) = self.one(options.stop)? else { break };
+            let Some(mut figures) = self.one(options)? else { break };
             let seconds = begun.elapsed().as_secs_f64();
             figures.seconds = seconds;
             self.progress.seconds += seconds;
-            self.report.step(&figures)?;
+            if let Some(report) = &mut self.report {
+                report.step(&figures)?;
+            }
             self.time.steps += 1;
             let left = u32::try_from(options.until - self.progress.step).unwrap_or(u32::MAX);
             let left = (self.time.start.elapsed() / self.time.steps).saturating_mul(left);
@@ -219,9 +225,7 @@ impl Running<'_> {
     }
 
     /// One step; none when the run is asked to stop meanwhile. Its seconds are the caller's.
-    fn one(&mut self, stop: &AtomicBool) -> Result<Option<StepFigures>, TrainError> {
-        let config = &self.session.recipe().config;
-        let count = config.optimiser.accumulate;
+    fn one(&mut self, options: RunOptions<'_>) -> Result<Option<StepFigures>, TrainError> {
         let number = self.progress.step + 1;
         let mut losses = LossValues::default();
         let mut last = None;
@@ -262,10 +266,10 @@ impl Running<'_> {
         let config = &self.session.recipe().config;
         let Some(validation) = &config.validation else { return Ok(false) };
         let mixture = Mixture::of(config, true)?;
-        let mut losses = LossValues::default();
+        let (mut losses, mut figures) = (LossValues::default(), Figures::default());
         for number in 0..u64::from(validation.samples) {
             let drawn = mixture.draw(number)?;
-            let found = self.step.validate(&drawn.sample, config.averaged()).map_err(TrainError::Step)?;
+            let (found, judged) = self.step.validate(&drawn.sample, config.averaged()).map_err(TrainError::Step)?;
             losses.add(&found, 1.0 / f64::from(validation.samples));
         }
         let (step, figure) = (self.progress.step, losses.total);
@@ -273,8 +277,10 @@ impl Running<'_> {
         if best {
             self.progress.best = Some(Best { step, figure });
         }
-        self.report.validation(step, &losses)?;
-        each(&Event::Validated { step, losses: &losses, best });
+        if let Some(report) = &mut self.report {
+            report.validation(step, &losses, &figures)?;
+        }
+        each(&Event::Validated { step, losses: &losses, figures: &figures, best });
         Ok(best)
     }
 
@@ -317,7 +323,11 @@ impl Running<'_> {
             ("seed", seed.to_string()),
             ("trained numbers", layout.parameters().to_string()),
         ];
+            if let Some(judged) = judged {
+                figures.add(&drawn.label, judged);
+            }
         if let Some(Best { step, figure }) = best {
+        let figures = figures.means();
             facts.push(("best validation", format!("{figure:.6} after {step} steps")));
         }
         self.report.page(&facts)

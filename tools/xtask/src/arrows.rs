@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! shaders <- kernels <- graph <- model <- omnix <- cli      tensors <- weights <- model      geometry <- model, io      tensors <- io
-//! geometry, io, tensors <- data <- eval <- cli      data, geometry, tensors <- scenes <- train, cli
-//! {graph, model, weights, data} <- train <- cli
+//! geometry, io, tensors <- data <- eval <- train, cli      data, geometry, tensors <- scenes <- train, cli
+//! {graph, model, weights, data, eval} <- train <- cli
 //! ```
 //! `a <- b`: b knows a. A crate may also use what lies further down its own arrows. Nobody depends on the program; `data`, `eval`, `geometry`,
 //! `io`, `scenes`, `tensors`, `weights` and `shaders` never reach wgpu, not even through others.
@@ -54,6 +54,7 @@ const LIBRARIES: &[&str] = &[
 /// What training records into and reads from.
 const TRAIN: &[&str] = &[
     "omnix-data",
+    "omnix-eval",
     "omnix-scenes",
     "omnix-geometry",
     "omnix-graph",

@@ -42,7 +42,8 @@ pub(crate) struct TrainArgs {
     /// One JSON object a line on standard output, nothing for people.
     ///
     /// Its `event` is one of: note {message}; plan {images, image_size, bytes, flops, forward_flops, recomputed_flops, without {bytes,
-    /// flops}, trained}, where `without` is what a step would take if nothing were computed again; device {..}; continued {step}; step {step, of, losses, norm, rates, seconds, left_s}; validated {step, losses, best}; saved {step};
+    /// flops}, trained}, where `without` is what a step would take if nothing were computed again; device {..}; continued {step}; step {step, of, losses, norm, rates, seconds, left_s}; validated {step, losses, figures,
+    /// best}, with the columns of `omnix eval network` as figures; saved {step};
     /// save_failed {message}; trained {step, stopped, best}; error {..}.
     #[arg(long)]
     pub(crate) json: bool,
@@ -187,13 +188,13 @@ fn tell(event: &Event<'_>, ui: &mut Ui) {
                 ));
             }
         }
-        Event::Validated { step, losses: found, best } => {
-            ui.event("validated", json!({ "step": step, "losses": losses(found), "best": best }));
-            ui.say(&format!(
-                "step {step}: validation loss {:.4}{}",
-                found.total,
-                if *best { ", the best so far" } else { "" }
-            ));
+        Event::Validated { step, losses: found, figures, best } => {
+            let named: Map<String, Value> =
+                figures.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
+            ui.event("validated", json!({ "step": step, "losses": losses(found), "figures": named, "best": best }));
+            let best = if *best { ", the best so far" } else { "" };
+            let figures: String = figures.iter().map(|(name, value)| format!("  {name} {value:.4}")).collect();
+            ui.say(&format!("step {step}: validation loss {:.4}{best}{figures}", found.total));
         }
         Event::Saved { step } => ui.event("saved", json!({ "step": step })),
         Event::SaveFailed { error } => {

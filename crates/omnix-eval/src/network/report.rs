@@ -39,6 +39,13 @@ impl Figures {
         self.skipped.push(Skipped { name: name.to_owned(), reason, counts_as_zero: false });
     }
 
+    /// The network's figures over all samples so far, by the names of the report's columns; those that no sample has are left out.
+    #[must_use]
+    pub fn means(&self) -> Vec<(&'static str, f64)> {
+        let values = of_all("", &self.scores).values;
+        COLUMNS.iter().map(|column| column.name).zip(values).filter(|(_, value)| value.is_finite()).collect()
+    }
+
     /// The report: a row for the network, one for each trivial answer, and one for each sample.
     ///
     /// # Errors

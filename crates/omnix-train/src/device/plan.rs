@@ -73,10 +73,14 @@ struct Recorded {
     total: Value,
     names: Vec<String>,
     codes: Vec<TimeCode>,
+    /// What the network says, in the order of [`ANSWER`].
+    answer: Vec<Value>,
 }
 
 /// Name of the output with all losses.
 pub(super) const LOSSES: &str = "losses";
+/// Names of what the forward pass also says: depth, camera codes, and where there is motion trajectories and scores of pixels.
+pub(super) const ANSWER: [&str; 4] = ["answer.depth", "answer.cameras", "answer.paths", "answer.theta"];
 
 impl StepPlan {
     /// Plans steps of `network` on samples of this size. Where they do not fit the budget, values of the forward pass are computed again
@@ -88,6 +92,8 @@ impl StepPlan {
     pub fn new(network: &Network, size: Size, objective: Objective<'_>, room: Room<'_>) -> Result<Self, TrainError> {
         let Objective { loss, groups, dropout } = objective;
         let forward = record(network, size, loss, None)?;
+        let mut answering = forward.graph;
+        forward.answer.iter().zip(ANSWER).for_each(|(value, name)| answering.output(*value, name));
         let Recorded { graph: mut g, total, .. } = record(network, size, loss, dropout)?;
         let group = |name: &str| groups.iter().find(|group| name.contains(&group.name));
         let reached = g.gradients(total, &|name| group(name).is_some_and(|group| !group.frozen))?;
@@ -174,7 +180,9 @@ fn record(network: &Network, size: Size, loss: &LossConfig, dropout: Option<Drop
     let losses = terms.record(&mut graph, loss)?;
     graph.forget_outputs();
     gather(&mut graph, &losses.names)?;
-    Ok(Recorded { graph, total: losses.total, names: losses.names, codes: made.codes })
+    let moved = made.motion.iter().flat_map(|motion| [motion.trajectories, motion.theta]);
+    let answer = [made.depth, made.pose_codes].into_iter().chain(moved).collect();
+    Ok(Recorded { graph, total: losses.total, names: losses.names, codes: made.codes, answer })
 }
 
 /// One output of all losses, in the order of `names`: a single readback.

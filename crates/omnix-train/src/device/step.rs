@@ -3,6 +3,8 @@
 use std::ops::ControlFlow;
 
 use omnix_data::Sample;
+use omnix_eval::network::{Answer, Motion, score};
+use omnix_geometry::{Camera, decode_pose_code};
 use omnix_graph::profile::{Span, profile};
 use omnix_graph::{Executable, GraphError, ParameterSource, WeightStore};
 use omnix_io::Picture;
@@ -10,14 +12,15 @@ use omnix_io::preprocess::normalise;
 use omnix_kernels::{Gpu, adamw, readback};
 use omnix_model::DRAW;
 
-use super::plan::{LOSSES, StepPlan};
+use super::plan::{ANSWER, LOSSES, StepPlan};
 use super::state::{List, gradients_of, weights_of};
 use super::targets;
 use super::update::{self, CLIP, Lists, Optimiser, SHARES};
 use crate::TrainError;
 use crate::error::StepError;
 use crate::groups::Layout;
-use crate::interface::{LossValues, Part, Step, Update};
+use crate::interface::{Judged, LossValues, Part, Step, Update};
+use crate::peers::Peers;
 
 /// A network in training on a device.
 pub struct DeviceStep {
@@ -235,9 +238,31 @@ impl Step for DeviceStep {
         Ok(self.train_on(&inputs)?)
     }
 
-    fn validate(&mut self, sample: &Sample, averaged: bool) -> Result<LossValues, StepError> {
+    fn validate(&mut self, sample: &Sample, averaged: bool) -> Result<(LossValues, Option<Judged>), StepError> {
         let plan = if averaged { self.averaged.as_ref() } else { None };
-        Ok(self.run(plan.unwrap_or(&self.forward), &self.inputs(sample, 0)?)?)
+        let plan = plan.unwrap_or(&self.forward);
+        let losses = self.run(plan, &self.inputs(sample, 0)?)?;
+        Ok((losses, Some(judge(plan, sample, self.plan.wanted.moves)?)))
+    }
+
+    fn exchange(&mut self, peers: &dyn Peers) -> Result<(), StepError> {
+        let Some(Exchange { own, received, sum }) = &self.exchange else {
+            return Err("BUG: a step that was planned for one process".into());
+        };
+        for rank in 0..peers.count() {
+            for (index, arena) in self.plan.layout.arenas.iter().enumerate() {
+                let mut numbers = match rank == peers.rank() {
+                    true => own.read(&self.gpu, index)?,
+                    false => vec![0.0; arena.range.len()],
+                };
+                peers.broadcast(rank, &mut numbers)?;
+                received.write(&self.gpu, index, &numbers)?;
+            }
+            sum.write(SHARES, &[if rank == 0 { 0.0 } else { 1.0 }, 1.0])?;
+            sum.run(&mut |_, _| ControlFlow::Continue(()))?;
+        }
+        self.samples *= peers.count();
+        Ok(())
     }
 
     fn apply(&mut self, update: &Update) -> Result<f64, StepError> {
@@ -260,6 +285,19 @@ impl Step for DeviceStep {
         }
         self.update.run(&mut |_, _| ControlFlow::Continue(()))?;
         self.samples = 0;
+/// What an evaluation says of what a forward pass has just found.
+fn judge(plan: &Executable, sample: &Sample, moves: bool) -> Result<Judged, StepError> {
+    let [depth, cameras, paths, theta] = ANSWER;
+    let (depth, [width, height]) = (plan.read(depth)?, sample.size());
+    let codes = plan.read(cameras)?;
+    let codes = codes.chunks_exact(9).map(|code| decode_pose_code(std::array::from_fn(|i| code[i]), height, width));
+    let cameras: Vec<Camera> = codes.collect();
+    let (paths, theta) = if moves { (plan.read(paths)?, plan.read(theta)?) } else { (Vec::new(), Vec::new()) };
+    let positions: Vec<[f32; 3]> = paths.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
+    let motion = moves.then_some(Motion { positions: &positions, theta: &theta });
+    Ok(score(sample, &Answer { depth: &depth, cameras: &cameras, motion })?)
+}
+
         let clip = self.update.read(CLIP)?;
         Ok(clip.get(1).map_or(f64::NAN, |norm| f64::from(*norm)))
     }

@@ -6,7 +6,8 @@ use omnix_data::Sample;
 
 use crate::StepError;
 use crate::groups::{ARENA, Group, Layout, Tensor};
-use crate::interface::{LossValues, Part, Step, Update};
+use crate::interface::{Judged, LossValues, Part, Step, Update};
+use crate::peers::Peers;
 
 pub(super) struct Fake {
     layout: Layout,
@@ -81,8 +82,18 @@ impl Step for Fake {
         Ok(losses)
     }
 
-    fn validate(&mut self, sample: &Sample, averaged: bool) -> Result<LossValues, StepError> {
-        Ok(self.losses(sample, if averaged { Part::Average } else { Part::Weights }))
+    fn validate(&mut self, sample: &Sample, averaged: bool) -> Result<(LossValues, Option<Judged>), StepError> {
+        Ok((self.losses(sample, if averaged { Part::Average } else { Part::Weights }), None))
+    }
+
+    fn exchange(&mut self, peers: &dyn Peers) -> Result<(), StepError> {
+        let own = std::mem::replace(&mut self.gradient, vec![0.0; self.layout.len()]);
+        for rank in 0..peers.count() {
+            let mut numbers = own.clone();
+            peers.broadcast(rank, &mut numbers)?;
+            self.gradient.iter_mut().zip(&numbers).for_each(|(sum, one)| *sum += one);
+        }
+        Ok(())
     }
 
     fn apply(&mut self, update: &Update) -> Result<f64, StepError> {
