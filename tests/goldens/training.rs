@@ -66,7 +66,7 @@ fn ready(weights: &Weights, case: &Case) -> Result<(DeviceStep, Vec<omnix::model
     let plan = StepPlan::new(weights.network(), size, objective, room);
     let plan = plan.map_err(|e| text(&e))?;
     let codes = plan.codes.clone();
-    let optimiser = Optimiser { betas: [0.9, 0.95], eps: 1e-8, max_norm: 1.0, accumulate: 1 };
+    let optimiser = Optimiser { betas: [0.9, 0.95], eps: 1e-8, max_norm: 1.0, accumulate: 1, peers: 1 };
     let source = Box::new(weights.clone());
     let mut step = DeviceStep::new(gpu(), plan, optimiser, false, source).map_err(|e| text(&e))?;
     let layout = step.layout().clone();

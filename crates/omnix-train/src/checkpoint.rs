@@ -230,6 +230,14 @@ impl Saved {
     /// A checkpoint of another network, of a newer program, or that is damaged, cut short or mixed from two.
     pub fn open(out: &Path, network: &Value) -> Result<Option<Self>, TrainError> {
         [LAST, BEST].iter().try_for_each(|name| swap::recover(out, name))?;
+        Self::look(out, network)
+    }
+
+    /// [`Saved::open`] in a folder that another process writes to: nothing is completed or taken away.
+    ///
+    /// # Errors
+    /// As [`Saved::open`].
+    pub fn look(out: &Path, network: &Value) -> Result<Option<Self>, TrainError> {
         let path = out.join(LAST);
         if !path.exists() {
             return Ok(None);

@@ -44,8 +44,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::groups::Group;
-use crate::loss::LossConfig;
 use crate::init::LAYER_SCALE;
+use crate::loss::LossConfig;
 use crate::objective;
 use crate::schedule::Schedule;
 
@@ -66,7 +66,6 @@ pub struct Config {
     /// Where its weights come from.
     #[serde(default)]
     pub start: Start,
-    /// What is drawn from the data.
     /// What the factors of the branches of transformer blocks (layer scale) start as where they start from random values: 0.01, as
     /// `spec/omnix.md` 11.3 has it for adding to a trained network. A small network that starts from nothing learns sooner with 1.
     #[serde(default = "layer_scale")]
@@ -75,6 +74,7 @@ pub struct Config {
     /// everything else are f32 always.
     #[serde(default)]
     pub weights_type: Copies,
+    /// What is drawn from the data.
     pub sample: SampleConfig,
     /// The data.
     #[serde(default)]
@@ -153,6 +153,10 @@ pub enum Start {
 pub struct SampleConfig {
     /// Number of images.
     pub images: u32,
+    /// Number of scenes that they are of, an equal share each; motion is then left out, and the images of different scenes have nothing to
+    /// tell each other. Where a network starts from nothing, many scenes in a step are worth more than many views of one.
+    #[serde(default = "single")]
+    pub scenes: u32,
     /// Width and height in pixels: multiples of 14.
     pub size: [u32; 2],
 }
@@ -164,10 +168,6 @@ pub struct DataConfig {
     /// Samples that are made while training.
     #[serde(default)]
     pub made: Option<Made>,
-    /// Number of scenes that they are of, an equal share each; motion is then left out, and the images of different scenes have nothing to
-    /// tell each other. Where a network starts from nothing, many scenes in a step are worth more than many views of one.
-    #[serde(default = "single")]
-    pub scenes: u32,
     /// Of made scenes: the file of the recipe that they are drawn from; the standard one where it is not given.
     #[serde(default)]
     pub recipe: Option<PathBuf>,
@@ -205,8 +205,16 @@ const fn one() -> f64 {
     1.0
 }
 
+const fn layer_scale() -> f32 {
+    LAYER_SCALE
+}
+
 const fn tenth() -> f32 {
     0.1
+}
+
+const fn single() -> u32 {
+    1
 }
 
 const fn yes() -> bool {
@@ -221,14 +229,6 @@ pub struct Optimiser {
     pub betas: [f64; 2],
     /// Added to the root of the second mean.
     pub eps: f64,
-const fn layer_scale() -> f32 {
-    LAYER_SCALE
-}
-const fn single() -> u32 {
-    1
-}
-
-
     /// Weight decay of groups that have none of their own.
     pub decay: f64,
     /// The norm that the gradient is clipped to; 0 for no clip.

@@ -14,6 +14,6 @@ mod update;
 
 pub use plan::{Objective, Room, StepPlan, Takes};
 pub use size::Size;
-pub use start::{planned, planned_least, ready};
+pub use start::{planned, planned_among, planned_least, ready, ready_among};
 pub use step::DeviceStep;
 pub use update::Optimiser;

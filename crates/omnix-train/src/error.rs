@@ -121,6 +121,29 @@ pub enum TrainError {
     /// The machine that computes steps failed.
     #[error("a step of training failed")]
     Step(#[source] StepError),
+    /// Another process of the training failed, so that all have stopped.
+    #[error("process {rank} of this training, on {host}, has failed, and all have stopped: {reason}")]
+    Peer {
+        /// Its rank.
+        rank: u32,
+        /// Its machine.
+        host: String,
+        /// What it said.
+        reason: String,
+    },
+    /// Processes of a training that do not start from the same state.
+    #[error(
+        "process {rank} of this training goes on from step {found}, the first one from step {expected}: all must see the same folder, \
+         on a disk that they share"
+    )]
+    PeerState {
+        /// Its rank.
+        rank: u32,
+        /// The step that it found.
+        found: u64,
+        /// The step that the first one found.
+        expected: u64,
+    },
     /// A checkpoint of another network.
     #[error("the folder holds a checkpoint of another network ({field}): choose another --out, or train that network: {}", path.display())]
     OtherNetwork {

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! train(sample) × accumulate     forward and backward; gradients are added up; the losses of the sample
+//! exchange(peers)                where several processes train together: the gradients of all are added up in each
 //! apply(update)                  clip, AdamW, average of the weights; gradients are 0 again; their norm before the clip
 //! ```
 //!
@@ -9,10 +10,11 @@
 //! an arena at a time, so that a host never holds them all.
 
 use omnix_data::Sample;
-
 use omnix_eval::network::Score;
+
 use crate::StepError;
 use crate::groups::Layout;
+use crate::peers::Peers;
 
 /// A list of numbers, one for each trained number of the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,15 +58,15 @@ impl LossValues {
     }
 }
 
-/// How the weights change in a step.
-#[derive(Debug, Clone, PartialEq)]
 /// The figures of an answer, and of the trivial ones, to a validation sample.
 pub type Judged = (Score, [Score; 3]);
 
+/// How the weights change in a step.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Update {
     /// The step's number, from 1: AdamW corrects its means by it.
     pub step: u64,
-    /// Number of samples whose gradients were added: the gradient is their mean.
+    /// Number of samples, of all processes, whose gradients were added: the gradient is their mean.
     pub samples: u32,
     /// Rate of each group, by index; 0 for frozen ones.
     pub rates: Vec<f64>,

@@ -10,6 +10,7 @@
 pub mod checkpoint;
 pub mod config;
 pub mod device;
+mod ended;
 mod error;
 pub mod folder;
 pub mod groups;
@@ -19,6 +20,7 @@ mod loader;
 pub mod loss;
 mod mixture;
 mod objective;
+pub mod peers;
 mod random;
 mod read_config;
 pub mod report;

@@ -6,6 +6,7 @@ use std::thread::JoinHandle;
 
 use crate::TrainError;
 use crate::mixture::{Drawn, Mixture};
+use crate::peers::Turns;
 
 /// Samples that each thread may be ahead.
 const AHEAD: u64 = 2;
@@ -17,9 +18,9 @@ struct Shared {
 }
 
 struct State {
-    /// The next number that a thread takes.
+    /// The next sample that a thread takes, of those of this process.
     next: u64,
-    /// The next number that is handed out.
+    /// The next one that is handed out.
     wanted: u64,
     ready: BTreeMap<u64, Result<Drawn, TrainError>>,
     ahead: u64,
@@ -55,13 +56,13 @@ impl Drop for Ends {
 }
 
 impl Loader {
-    /// Makes the samples of `mixture` from number `first` on, on at least one thread.
+    /// Makes the samples of `mixture` that are this process's, on at least one thread.
     #[must_use]
-    pub fn new(mixture: Mixture, first: u64, threads: usize) -> Self {
+    pub fn new(mixture: Mixture, turns: Turns, threads: usize) -> Self {
         let threads = threads.clamp(1, 64);
         let state = State {
-            next: first,
-            wanted: first,
+            next: 0,
+            wanted: 0,
             ready: BTreeMap::new(),
             ahead: threads as u64 * AHEAD,
             closed: false,
@@ -73,7 +74,7 @@ impl Loader {
             let (shared, mixture) = (shared.clone(), mixture.clone());
             std::thread::spawn(move || {
                 let ends = Ends(shared);
-                make(&ends.0, &mixture);
+                make(&ends.0, &mixture, turns);
             })
         };
         let threads = (0..threads).map(work).collect();
@@ -114,7 +115,7 @@ impl Drop for Loader {
 }
 
 /// The work of a thread.
-fn make(shared: &Shared, mixture: &Mixture) {
+fn make(shared: &Shared, mixture: &Mixture, turns: Turns) {
     let mut state = shared.lock();
     while !state.closed {
         if state.next >= state.wanted + state.ahead {
@@ -124,7 +125,7 @@ fn make(shared: &Shared, mixture: &Mixture) {
         let number = state.next;
         state.next += 1;
         drop(state);
-        let drawn = mixture.draw(number);
+        let drawn = mixture.draw(turns.number(number));
         state = shared.lock();
         state.ready.insert(number, drawn);
         shared.changed.notify_all();
@@ -156,7 +157,7 @@ mod tests {
     #[test]
     fn any_number_of_threads_gives_the_same_samples_in_order() {
         let all = |threads| {
-            let loader = Loader::new(Mixture::new(3, vec![(1.0, Box::new(Uneven))]), 2, threads);
+            let loader = Loader::new(Mixture::new(3, vec![(1.0, Box::new(Uneven))]), Turns::new(2, 1, None), threads);
             (2..14).map(|_| loader.take().map(|drawn| (drawn.number, drawn.sample))).collect::<Vec<_>>()
         };
         let (one, many) = (all(1), all(5));

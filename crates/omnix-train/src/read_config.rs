@@ -159,14 +159,14 @@ made = "shapes"
             let text = refused(&format!("{SMALL}{more}"));
             assert!(text.contains(named), "{more}: {text}");
         }
-        assert!(refused(&SMALL.replace("84", "85")).contains("multiples of 14"));
-        assert!(refused(&SMALL.replace("[[data]]\nmade = \"shapes\"\n", "")).contains("no data"));
-        assert!(refused(&SMALL.replace("steps = 20", "steps = 0")).contains("steps"));
-        assert!(refused(&format!("memory_budget = \"4 apples\"\n{SMALL}")).contains("memory_budget"));
         assert!(refused(&SMALL.replace("images = 4", "images = 4, scenes = 3")).contains("shared equally"));
         let still = refused(&SMALL.replace("images = 4", "images = 4, scenes = 2"));
         assert!(still.contains("sample.scenes") && still.contains("trajectory"), "{still}");
         assert!(refused(&format!("layer_scale = 0\n{SMALL}")).contains("layer_scale"));
+        assert!(refused(&SMALL.replace("84", "85")).contains("multiples of 14"));
+        assert!(refused(&SMALL.replace("[[data]]\nmade = \"shapes\"\n", "")).contains("no data"));
+        assert!(refused(&SMALL.replace("steps = 20", "steps = 0")).contains("steps"));
+        assert!(refused(&format!("memory_budget = \"4 apples\"\n{SMALL}")).contains("memory_budget"));
         assert!(refused(&SMALL.replace("nano.json", "other.json")).contains("other.json"));
     }
 

@@ -263,7 +263,9 @@ mod tests {
         assert_eq!(report.curves["loss"].points().len(), 6);
         report.page(&[("step", "6 of 20".to_owned())]).unwrap();
         let page = std::fs::read_to_string(dir.path().join(PAGE)).unwrap();
-        for shown in ["rate of backbone", "rate of the rest", "depth", "validation", "6 of 20", "&quot;seed&quot;: 1"] {
+        for shown in
+            ["rate of backbone", "rate of the rest", "depth", "AbsRel", "validation", "6 of 20", "&quot;seed&quot;: 1"]
+        {
             assert!(page.contains(shown), "{shown}");
         }
         let events = std::fs::read_dir(dir.path()).unwrap().flatten();

@@ -24,10 +24,12 @@ use omnix_eval::network::Figures;
 
 use crate::TrainError;
 use crate::checkpoint::{Best, Progress, changed_settings, save, save_best};
+use crate::ended::{Ended, agree};
 use crate::groups::Group;
 use crate::interface::{LossValues, Step, Update};
 use crate::loader::Loader;
 use crate::mixture::{Drawn, Mixture};
+use crate::peers::{Peers, Turns};
 use crate::report::{Report, StepFigures};
 use crate::session::Session;
 
@@ -57,10 +59,10 @@ pub enum Event<'a> {
         step: u64,
         /// The mean over the samples.
         losses: &'a LossValues,
-        /// Whether it is the best so far.
-        best: bool,
         /// What `omnix eval network` measures, by the names of its columns ([`omnix_eval::network`]): those that these samples have.
         figures: &'a [(&'static str, f64)],
+        /// Whether it is the best so far.
+        best: bool,
     },
     /// A checkpoint is on the disk.
     Saved {
@@ -86,7 +88,7 @@ pub struct Outcome {
 }
 
 /// How to run, beside what the recipe says.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub struct RunOptions<'a> {
     /// Steps in all, those of the checkpoint included; the schedule's length stays that of the recipe.
     pub until: u64,
@@ -94,6 +96,8 @@ pub struct RunOptions<'a> {
     pub threads: usize,
     /// Set when the run shall stop.
     pub stop: &'a AtomicBool,
+    /// The other processes of this training, where there are any.
+    pub peers: Option<&'a dyn Peers>,
 }
 
 /// The page is written anew at most this often between checkpoints.
@@ -119,8 +123,10 @@ pub fn run(
     }
     let names: Vec<String> = config.group.iter().map(|group| group.name.clone()).collect();
     let title = &session.recipe().network.name;
-    let report = Report::open(session.out(), progress.step, title, &config.settings(), &names)?;
-    let loader = Loader::new(Mixture::of(&config, false)?, progress.samples, options.threads);
+    let open = || Report::open(session.out(), progress.step, title, &config.settings(), &names);
+    let report = if session.leads() { Some(open()?) } else { None };
+    let turns = Turns::new(progress.samples, config.optimiser.accumulate, options.peers);
+    let loader = Loader::new(Mixture::of(&config, false)?, turns, options.threads);
     let tried = progress.step;
     let mut running = Running { session, progress, report, step, loader, tried, failed: None, time: Times::new() };
     if let Err(error) = running.go(options, each) {
@@ -176,10 +182,14 @@ impl Times {
     }
 }
 
+/// The losses of samples, and the last of this process's.
+type Taken = (Vec<LossValues>, Option<Drawn>);
+
 struct Running<'a> {
     session: &'a Session,
     progress: Progress,
-    report: Report,
+    /// None where another process leads.
+    report: Option<Report>,
     step: &'a mut dyn Step,
     loader: Loader,
     /// The step after which saving was last tried, or that the run goes on from.
@@ -227,21 +237,21 @@ impl Running<'_> {
     /// One step; none when the run is asked to stop meanwhile. Its seconds are the caller's.
     fn one(&mut self, options: RunOptions<'_>) -> Result<Option<StepFigures>, TrainError> {
         let number = self.progress.step + 1;
+        let part = self.part(number, options.stop);
+        let (samples, last) = match options.peers {
+            None => match part? {
+                None => return Ok(None),
+                Some(part) => part,
+            },
+            Some(peers) => match self.exchanged(part, peers)? {
+                None => return Ok(None),
+                Some(all) => all,
+            },
+        };
+        let config = &self.session.recipe().config;
+        let count = samples.len() as u32;
         let mut losses = LossValues::default();
-        let mut last = None;
-        for _ in 0..count {
-            if stop.load(Ordering::SeqCst) {
-                return Ok(None);
-            }
-            let drawn = self.loader.take()?;
-            let found = self.step.train(&drawn.sample, drawn.number).map_err(TrainError::Step)?;
-            if let Some(name) = found.not_finite() {
-                let loss = format!("the loss \"{name}\"");
-                return Err(not_finite(self.step, loss, number, &drawn));
-            }
-            losses.add(&found, 1.0 / f64::from(count));
-            last = Some(drawn);
-        }
+        samples.iter().for_each(|found| losses.add(found, 1.0 / f64::from(count)));
         let factor = config.schedule.factor(self.progress.step, config.steps);
         let rate = |group: &Group| if group.frozen { 0.0 } else { factor * group.rate.unwrap_or(0.0) };
         let update = Update {
@@ -261,17 +271,61 @@ impl Running<'_> {
         Ok(Some(StepFigures { step: number, losses, norm, rates: update.rates, seconds: 0.0 }))
     }
 
+    /// This process's samples of a step: the losses of each, and the last of them; none when the run is asked to stop meanwhile.
+    fn part(&mut self, number: u64, stop: &AtomicBool) -> Result<Option<Taken>, TrainError> {
+        let count = self.session.recipe().config.optimiser.accumulate;
+        let (mut losses, mut last) = (Vec::new(), None);
+        for _ in 0..count {
+            if stop.load(Ordering::SeqCst) {
+                return Ok(None);
+            }
+            let drawn = self.loader.take()?;
+            let found = self.step.train(&drawn.sample, drawn.number).map_err(TrainError::Step)?;
+            if let Some(name) = found.not_finite() {
+                let loss = format!("the loss \"{name}\"");
+                return Err(not_finite(self.step, loss, number, &drawn));
+            }
+            losses.push(found);
+            last = Some(drawn);
+        }
+        Ok(Some((losses, last)))
+    }
+
+    /// The step's losses of all processes, once their gradients are added up in each; none where one of them was asked to stop.
+    fn exchanged(
+        &mut self,
+        part: Result<Option<Taken>, TrainError>,
+        peers: &dyn Peers,
+    ) -> Result<Option<Taken>, TrainError> {
+        let mine = match &part {
+            Ok(Some((losses, _))) => Ended::done(losses),
+            Ok(None) => Ended::Stopped,
+            Err(error) => Ended::failed(error),
+        };
+        let names = part.as_ref().ok().and_then(Option::as_ref).map_or(&[][..], |(losses, _)| losses);
+        let all = agree(peers, &mine, names);
+        // Its own failure says more than what the others are told of it.
+        let part = part?;
+        let (Some(losses), Some((_, last))) = (all?, part) else { return Ok(None) };
+        self.step.exchange(peers).map_err(TrainError::Step)?;
+        Ok(Some((losses, last)))
+    }
+
     /// Goes through the validation samples; whether the result is the best so far.
     fn validate(&mut self, each: &mut dyn FnMut(&Event<'_>)) -> Result<bool, TrainError> {
         let config = &self.session.recipe().config;
-        let Some(validation) = &config.validation else { return Ok(false) };
+        let Some(validation) = config.validation.as_ref().filter(|_| self.session.leads()) else { return Ok(false) };
         let mixture = Mixture::of(config, true)?;
         let (mut losses, mut figures) = (LossValues::default(), Figures::default());
         for number in 0..u64::from(validation.samples) {
             let drawn = mixture.draw(number)?;
             let (found, judged) = self.step.validate(&drawn.sample, config.averaged()).map_err(TrainError::Step)?;
             losses.add(&found, 1.0 / f64::from(validation.samples));
+            if let Some(judged) = judged {
+                figures.add(&drawn.label, judged);
+            }
         }
+        let figures = figures.means();
         let (step, figure) = (self.progress.step, losses.total);
         let best = figure.is_finite() && self.progress.best.is_none_or(|best| figure < best.figure);
         if best {
@@ -293,6 +347,10 @@ impl Running<'_> {
 
     /// Saves; a failure of the disk is kept for the end of the run, any other ends it.
     fn save(&mut self, best: bool, each: &mut dyn FnMut(&Event<'_>)) -> Result<(), TrainError> {
+        if !self.session.leads() {
+            (self.time.save, self.tried) = (Instant::now(), self.progress.step);
+            return Ok(());
+        }
         let (out, network) = (self.session.out(), &self.session.recipe().network_json);
         let averaged = self.session.recipe().config.averaged();
         let saved = save(out, network, &self.progress, self.step, averaged);
@@ -314,6 +372,7 @@ impl Running<'_> {
 
     fn page(&mut self, until: u64) -> Result<(), TrainError> {
         self.time.page = Instant::now();
+        let Some(report) = &mut self.report else { return Ok(()) };
         let Progress { step, samples, best, seconds, seed, .. } = &self.progress;
         let layout = self.step.layout();
         let mut facts = vec![
@@ -323,14 +382,10 @@ impl Running<'_> {
             ("seed", seed.to_string()),
             ("trained numbers", layout.parameters().to_string()),
         ];
-            if let Some(judged) = judged {
-                figures.add(&drawn.label, judged);
-            }
         if let Some(Best { step, figure }) = best {
-        let figures = figures.means();
             facts.push(("best validation", format!("{figure:.6} after {step} steps")));
         }
-        self.report.page(&facts)
+        report.page(&facts)
     }
 }
 

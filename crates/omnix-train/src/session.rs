@@ -1,4 +1,6 @@
 //! A run's folder: held against other runs, with the checkpoint that the run goes on from.
+//!
+//! Of several processes that train together the first holds the folder; the others look at the checkpoint in it and write nothing.
 
 use std::path::{Path, PathBuf};
 
@@ -13,13 +15,14 @@ use crate::ended::Ended;
 use crate::init::{Origin, SeedValues, StartValues};
 use crate::peers::Peers;
 
-/// A folder that this run alone writes to.
+/// A folder that this run alone writes to, or that another process of this run writes to.
 #[derive(Debug)]
 pub struct Session {
     recipe: Recipe,
     out: PathBuf,
     saved: Option<Saved>,
-    _folder: OutputFolder,
+    /// None where another process leads.
+    folder: Option<OutputFolder>,
 }
 
 impl Session {
@@ -31,7 +34,45 @@ impl Session {
     pub fn open(recipe: Recipe, out: &Path) -> Result<Self, TrainError> {
         let folder = OutputFolder::open(out)?;
         let saved = Saved::open(out, &recipe.network_json)?;
-        Ok(Self { recipe, out: out.to_owned(), saved, _folder: folder })
+        Ok(Self { recipe, out: out.to_owned(), saved, folder: Some(folder) })
+    }
+
+    /// The session of one of several processes: the first opens the folder, then the others look at it.
+    ///
+    /// # Errors
+    /// As [`Session::open`], in every process; processes that do not see the same checkpoint.
+    pub fn join(recipe: Recipe, out: &Path, peers: &dyn Peers) -> Result<Self, TrainError> {
+        let leads = peers.rank() == 0;
+        let first = leads.then(|| Self::open(recipe.clone(), out));
+        // A folder that cannot be used is the failure of all.
+        let reason = first.as_ref().and_then(|opened| opened.as_ref().err()).map(Ended::failed);
+        let told = peers.gather(&serde_json::to_vec(&reason).unwrap_or_default())?;
+        let session = match first {
+            Some(opened) => opened?,
+            None => {
+                let failed = told.first().and_then(|text| serde_json::from_slice::<Option<Ended>>(text).ok()).flatten();
+                if let Some(Ended::Failed { host, reason }) = failed {
+                    return Err(TrainError::Peer { rank: 0, host, reason });
+                }
+                let saved = Saved::look(out, &recipe.network_json)?;
+                Self { recipe, out: out.to_owned(), saved, folder: None }
+            }
+        };
+        let step = session.saved.as_ref().map_or(0, |saved| saved.progress().step);
+        let steps = peers.gather(&step.to_le_bytes())?;
+        let steps = steps.iter().map(|bytes| bytes.as_slice().try_into().map_or(u64::MAX, u64::from_le_bytes));
+        let steps: Vec<u64> = steps.collect();
+        let expected = steps.first().copied().unwrap_or(step);
+        match steps.iter().position(|found| *found != expected) {
+            None => Ok(session),
+            Some(rank) => Err(TrainError::PeerState { rank: rank as u32, found: steps[rank], expected }),
+        }
+    }
+
+    /// Whether this process validates and writes.
+    #[must_use]
+    pub const fn leads(&self) -> bool {
+        self.folder.is_some()
     }
 
     /// What is trained, and how.

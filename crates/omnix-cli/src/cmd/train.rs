@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use omnix::Caps;
 use omnix_train::config::{Recipe, SampleConfig};
-use omnix_train::device::{StepPlan, Takes, planned, planned_least, ready};
+use omnix_train::device::{StepPlan, Takes, planned, planned_among, planned_least, ready_among};
+use omnix_train::peers::Peers;
 use omnix_train::{Event, LossValues, RunOptions, Session, read_config};
 use serde_json::{Map, Value, json};
 
@@ -37,6 +38,11 @@ pub(crate) struct TrainArgs {
     /// less memory and more operations.
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
     memory_budget: Option<u64>,
+    /// Train with the other processes that `mpirun` or `srun` has started with this one, each on samples of its own.
+    ///
+    /// All of them see the same --out folder; the first one validates, reports and writes.
+    #[arg(long)]
+    mpi: bool,
     #[command(flatten)]
     device: DeviceArgs,
     /// One JSON object a line on standard output, nothing for people.
@@ -51,13 +57,48 @@ pub(crate) struct TrainArgs {
 
 /// Trains.
 pub(crate) fn run(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
+    if !args.mpi {
+        return train(args, None, ui);
+    }
+    among_peers(args, ui)
+}
+
+/// Trains in one of several processes. The first one speaks for all.
+#[cfg(feature = "mpi")]
+fn among_peers(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
+    use omnix_train::peers::{Mpi, Peers as _};
+    let peers = Mpi::begin()?;
+    let trained = if peers.rank() == 0 {
+        train(args, Some(&peers), ui)
+    } else {
+        train(args, Some(&peers), &mut Ui::new(false, true, false))
+    };
+    match trained {
+        // The others may wait for this one: MPI ends them.
+        Err(error) if !matches!(error, CliError::TrainingInterrupted { .. }) => {
+            ui.error(&error);
+            peers.abort(error.exit_code().into())
+        }
+        trained => trained,
+    }
+}
+
+#[cfg(not(feature = "mpi"))]
+fn among_peers(_: &TrainArgs, _: &mut Ui) -> Result<(), CliError> {
+    let cure =
+        "build it with `cargo build --release -p omnix-cli --features mpi` (tools/check-mpi installs what that needs)";
+    Err(CliError::Usage(format!("this program was built without MPI: {cure}")))
+}
+
+fn train(args: &TrainArgs, peers: Option<&dyn Peers>, ui: &mut Ui) -> Result<(), CliError> {
     let mut recipe = read_config(&args.config)?;
     if let Some(seed) = args.seed {
         recipe.config.seed = seed;
     }
     let until = args.steps.unwrap_or(recipe.config.steps);
     let engine = args.device.open()?;
-    let plan = planned(&recipe, engine.caps(), args.memory_budget)?;
+    let processes = peers.map_or(1, Peers::count);
+    let plan = planned_among(&recipe, engine.caps(), args.memory_budget, processes)?;
     let Takes { bytes, flops } = plan.takes;
     ui.event("plan", plan_event(&plan, &recipe));
     let info = engine.info();
@@ -80,10 +121,16 @@ pub(crate) fn run(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
     }
     drop(plan);
     stop::keep_results();
-    let mut session = Session::open(recipe, &args.out)?;
-    let mut step = ready(&session, engine.gpu(), args.memory_budget)?;
+    let mut session = match peers {
+        None => Session::open(recipe, &args.out)?,
+        Some(peers) => Session::join(recipe, &args.out, peers)?,
+    };
+    if processes > 1 {
+        ui.say(&format!("{processes} processes train together"));
+    }
+    let mut step = ready_among(&session, engine.gpu(), args.memory_budget, processes)?;
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get().div_ceil(2));
-    let options = RunOptions { until, threads, stop: stop::flag() };
+    let options = RunOptions { until, threads, stop: stop::flag(), peers };
     let outcome = omnix_train::run(&mut session, &mut step, options, &mut |event| tell(event, ui))?;
     let best = outcome.best.as_ref().map(|best| json!({ "step": best.step, "loss": best.figure }));
     ui.event("trained", json!({ "step": outcome.step, "stopped": outcome.stopped, "best": best }));

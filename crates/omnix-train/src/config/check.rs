@@ -52,10 +52,10 @@ impl Config {
         need(size(*decay) && size(*clip), "optimiser.decay and optimiser.clip", "they are 0 or more")?;
         need((1..=1 << 16).contains(accumulate), "optimiser.accumulate", "it is 1 to 65536 samples")?;
         need(share(*average), "optimiser.average", "it is from 0 to below 1")?;
+        need(self.layer_scale.is_finite() && self.layer_scale > 0.0, "layer_scale", "it is a number above 0")?;
         need((0.0..1.0).contains(&self.dropout), "dropout", "it is from 0 to below 1")?;
         self.check_groups()?;
         self.loss.check()?;
-        need(self.layer_scale.is_finite() && self.layer_scale > 0.0, "layer_scale", "it is a number above 0")?;
         need((0.0..=1.0).contains(&self.schedule.last), "schedule.last", "it is from 0 to 1")?;
         let length = self.schedule.length.unwrap_or(self.steps);
         let fits = self.schedule.warm_up < length || self.schedule.warm_up == 0;

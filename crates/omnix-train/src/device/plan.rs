@@ -49,8 +49,8 @@ pub struct Room<'a> {
     pub caps: &'a Caps,
     /// Bytes that the device may give; `None` for no bound.
     pub budget: Option<u64>,
-    /// Whether gradients of several samples are added up.
-    pub accumulated: bool,
+    /// Lists of gradients beside that of the sample at hand: one where several samples are added up, two where several processes are.
+    pub gradients: u64,
     /// Whether an average of the weights is kept.
     pub averaged: bool,
     /// How the copies of the weights are stored that products read.
@@ -160,8 +160,8 @@ impl StepPlan {
 /// Bytes of what is on the device beside the working memory of the plan `train`: weights and gradients, which are inputs and outputs of
 /// that plan, are not.
 fn bytes_beside(train: &Plan, forward: &Plan, layout: &Layout, room: Room<'_>) -> u64 {
-    let Room { accumulated, averaged, .. } = room;
-    let lists = 2 + u64::from(accumulated) + u64::from(averaged);
+    let Room { gradients, averaged, .. } = room;
+    let lists = 2 + gradients + u64::from(averaged);
     // The forward pass reads the same weights, or their average.
     let input = |slot: &Slot| forward.graph.find(&parameter_input(&slot.name));
     let weights: u64 = layout.slots.iter().filter_map(input).map(|value| forward.bytes(value)).sum();
@@ -169,7 +169,7 @@ fn bytes_beside(train: &Plan, forward: &Plan, layout: &Layout, room: Room<'_>) -
     train.weight_bytes() + lists * 4 * layout.len() as u64 + evaluations * (forward.working_bytes() - weights)
 }
 
-/// Records a network and its losses, which are the only output.
+/// Records a network and its losses, which are the only output so far.
 fn record(network: &Network, size: Size, loss: &LossConfig, dropout: Option<Dropout>) -> Result<Recorded, TrainError> {
     let mut graph = Graph::new();
     let moves = network.config().trajectory.is_some();

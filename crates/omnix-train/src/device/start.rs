@@ -22,6 +22,14 @@ use crate::session::Session;
 /// # Errors
 /// Sizes that are no multiples of a patch; what [`StepPlan::new`] refuses.
 pub fn planned(recipe: &Recipe, caps: &Caps, budget: Option<u64>) -> Result<StepPlan, TrainError> {
+    planned_among(recipe, caps, budget, 1)
+}
+
+/// [`planned`] for one of `peers` processes that train together: they hold gradients twice more.
+///
+/// # Errors
+/// As [`planned`].
+pub fn planned_among(recipe: &Recipe, caps: &Caps, budget: Option<u64>, peers: u32) -> Result<StepPlan, TrainError> {
     let config = &recipe.config;
     let [width, height] = config.sample.size.map(|side| side as usize);
     if !width.is_multiple_of(PATCH) || !height.is_multiple_of(PATCH) || width * height == 0 {
@@ -59,15 +67,24 @@ pub fn planned_least(recipe: &Recipe, caps: &Caps) -> Result<StepPlan, TrainErro
 /// # Errors
 /// As [`planned`]; a checkpoint that cannot be read, and failures of the device.
 pub fn ready(session: &Session, gpu: &Gpu, budget: Option<u64>) -> Result<DeviceStep, TrainError> {
+    ready_among(session, gpu, budget, 1)
+}
+
+/// [`ready`] in one of `peers` processes that train together.
+///
+/// # Errors
+/// As [`ready`].
+pub fn ready_among(session: &Session, gpu: &Gpu, budget: Option<u64>, peers: u32) -> Result<DeviceStep, TrainError> {
     let recipe = session.recipe();
     let config = &recipe.config;
-    let plan = planned(recipe, &gpu.caps, budget)?;
+    let plan = planned_among(recipe, &gpu.caps, budget, peers)?;
     let set = &config.optimiser;
     let optimiser = Optimiser {
         betas: set.betas,
         eps: set.eps as f32,
         max_norm: if set.clip > 0.0 { set.clip as f32 } else { f32::INFINITY },
         accumulate: set.accumulate,
+        peers,
     };
     let expected = manifest(&recipe.network, &Parts::default());
     let shapes = expected.expected().iter().map(|t| (t.name.clone(), t.shape.clone())).collect();

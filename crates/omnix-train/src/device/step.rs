@@ -35,9 +35,21 @@ pub struct DeviceStep {
     update: Executable,
     /// Where gradients of several samples are added up: how, and which list has those of the sample at hand.
     accumulate: Option<(Executable, List)>,
+    /// Where several processes train together.
+    exchange: Option<Exchange>,
     lists: State,
     /// Samples since the last update.
     samples: u32,
+}
+
+/// How the gradients of several processes are added up.
+struct Exchange {
+    /// This process's, of all its samples.
+    own: List,
+    /// Those of one process after another.
+    received: List,
+    /// Adds what was received to the sum.
+    sum: Executable,
 }
 
 /// The lists that outlive a step.
@@ -45,7 +57,7 @@ struct State {
     weights: List,
     first: List,
     second: List,
-    /// Of all samples since the last update.
+    /// Of all samples since the last update, of all processes.
     gradients: List,
     average: Option<List>,
 }
@@ -77,7 +89,9 @@ impl DeviceStep {
             gradients: list("gradients")?,
             average: if average { Some(list("average weights")?) } else { None },
         };
-        let parts = if optimiser.accumulate > 1 { Some(list("gradients of a sample")?) } else { None };
+        let several = optimiser.peers > 1;
+        let parts = if optimiser.accumulate > 1 || several { Some(list("gradients of a sample")?) } else { None };
+        let own = if several { Some(list("gradients of this process")?) } else { None };
         let go = &mut |_, _| ControlFlow::Continue(());
         let keys: Vec<_> = plan.train.weights.iter().chain(&plan.forward.weights).cloned().collect();
         let store = WeightStore::load(gpu, &*source, &keys, go)?;
@@ -103,12 +117,35 @@ impl DeviceStep {
                 average: lists.average.as_ref(),
             },
         )?;
+        let exchange = match (&own, &parts) {
+            (Some(own), Some(parts)) => {
+                let sum = update::accumulate(gpu, &plan.layout, &lists.gradients, parts)?;
+                Some(Exchange { own: own.clone(), received: parts.clone(), sum })
+            }
+            _ => None,
+        };
         let accumulate = match parts {
-            Some(parts) => Some((update::accumulate(gpu, &plan.layout, &lists.gradients, &parts)?, parts)),
+            Some(parts) => {
+                let sums = own.as_ref().unwrap_or(&lists.gradients);
+                Some((update::accumulate(gpu, &plan.layout, sums, &parts)?, parts))
+            }
             None => None,
         };
         let gpu = gpu.clone();
-        Ok(Self { gpu, plan, optimiser, source, train, forward, averaged, update, accumulate, lists, samples: 0 })
+        Ok(Self {
+            gpu,
+            plan,
+            optimiser,
+            source,
+            train,
+            forward,
+            averaged,
+            update,
+            accumulate,
+            exchange,
+            lists,
+            samples: 0,
+        })
     }
 
     /// The numbers of every input for a sample. `number` is the sample's, for what is drawn.
@@ -226,6 +263,19 @@ impl DeviceStep {
     }
 }
 
+/// What an evaluation says of what a forward pass has just found.
+fn judge(plan: &Executable, sample: &Sample, moves: bool) -> Result<Judged, StepError> {
+    let [depth, cameras, paths, theta] = ANSWER;
+    let (depth, [width, height]) = (plan.read(depth)?, sample.size());
+    let codes = plan.read(cameras)?;
+    let codes = codes.chunks_exact(9).map(|code| decode_pose_code(std::array::from_fn(|i| code[i]), height, width));
+    let cameras: Vec<Camera> = codes.collect();
+    let (paths, theta) = if moves { (plan.read(paths)?, plan.read(theta)?) } else { (Vec::new(), Vec::new()) };
+    let positions: Vec<[f32; 3]> = paths.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
+    let motion = moves.then_some(Motion { positions: &positions, theta: &theta });
+    Ok(score(sample, &Answer { depth: &depth, cameras: &cameras, motion })?)
+}
+
 impl Step for DeviceStep {
     fn layout(&self) -> &Layout {
         &self.plan.layout
@@ -266,8 +316,8 @@ impl Step for DeviceStep {
     }
 
     fn apply(&mut self, update: &Update) -> Result<f64, StepError> {
-        if update.samples != self.samples || update.samples != self.optimiser.accumulate {
-            let (samples, planned) = (self.samples, self.optimiser.accumulate);
+        if update.samples != self.samples || update.samples != self.optimiser.samples() {
+            let (samples, planned) = (self.samples, self.optimiser.samples());
             let reason =
                 format!("BUG: an update after {samples} samples, of {}, planned for {planned}", update.samples);
             return Err(reason.into());
@@ -285,19 +335,6 @@ impl Step for DeviceStep {
         }
         self.update.run(&mut |_, _| ControlFlow::Continue(()))?;
         self.samples = 0;
-/// What an evaluation says of what a forward pass has just found.
-fn judge(plan: &Executable, sample: &Sample, moves: bool) -> Result<Judged, StepError> {
-    let [depth, cameras, paths, theta] = ANSWER;
-    let (depth, [width, height]) = (plan.read(depth)?, sample.size());
-    let codes = plan.read(cameras)?;
-    let codes = codes.chunks_exact(9).map(|code| decode_pose_code(std::array::from_fn(|i| code[i]), height, width));
-    let cameras: Vec<Camera> = codes.collect();
-    let (paths, theta) = if moves { (plan.read(paths)?, plan.read(theta)?) } else { (Vec::new(), Vec::new()) };
-    let positions: Vec<[f32; 3]> = paths.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
-    let motion = moves.then_some(Motion { positions: &positions, theta: &theta });
-    Ok(score(sample, &Answer { depth: &depth, cameras: &cameras, motion })?)
-}
-
         let clip = self.update.read(CLIP)?;
         Ok(clip.get(1).map_or(f64::NAN, |norm| f64::from(*norm)))
     }

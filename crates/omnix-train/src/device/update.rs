@@ -16,8 +16,18 @@ pub struct Optimiser {
     pub eps: f32,
     /// The norm that all gradients together are clipped to; infinity for none.
     pub max_norm: f32,
-    /// Samples whose gradients are added up before an update.
+    /// Samples whose gradients this process adds up before an update.
     pub accumulate: u32,
+    /// Processes that train together, each with as many samples.
+    pub peers: u32,
+}
+
+impl Optimiser {
+    /// Samples of an update, of all processes.
+    #[must_use]
+    pub fn samples(&self) -> u32 {
+        self.accumulate.max(1).saturating_mul(self.peers.max(1))
+    }
 }
 
 /// The lists that an update reads and writes.
@@ -53,7 +63,7 @@ pub(super) fn update(
     let average = lists.average.map(|list| input(&mut g, "average", list));
     let rates: Vec<Value> =
         (0..layout.groups.len()).map(|group| g.input(&rates(group), [adamw::RATES_WORDS as usize])).collect();
-    let scale = 1.0 / optimiser.accumulate.max(1) as f32;
+    let scale = 1.0 / optimiser.samples() as f32;
     let clip = g.grad_norm(&gradients, optimiser.max_norm, scale)?;
     g.output(clip, CLIP);
     for (index, arena) in layout.arenas.iter().enumerate() {

@@ -11,8 +11,9 @@ use serde_json::Value;
 
 use super::fake::Fake;
 use super::*;
-use crate::checkpoint::{BEST, LAST};
+use crate::checkpoint::{BEST, LAST, Saved};
 use crate::config::Recipe;
+use crate::peers::threads::together;
 use crate::read_config;
 use crate::shapes::Shapes;
 
@@ -60,7 +61,7 @@ impl Go<'_> {
         (self.change)(&mut fake);
         let mut session = Session::open(recipe, out).unwrap();
         let (stop, mut told) = (AtomicBool::new(false), Vec::new());
-        let options = RunOptions { until: self.until, threads: self.threads, stop: &stop };
+        let options = RunOptions { until: self.until, threads: self.threads, stop: &stop, peers: None };
         let ended = run(&mut session, &mut fake, options, &mut |event| {
             told.push(match event {
                 Event::Step { figures, .. } => {
@@ -188,7 +189,7 @@ fn a_checkpoint_that_cannot_be_written_leaves_the_former_one() {
     fs::write(dir.path().join(".omnix-last.new"), "a file").unwrap();
     let mut fake = Fake::new(&session.recipe().config.group);
     let (stop, mut failures) = (AtomicBool::new(false), 0);
-    let options = RunOptions { until: 30, threads: 1, stop: &stop };
+    let options = RunOptions { until: 30, threads: 1, stop: &stop, peers: None };
     let ended = run(&mut session, &mut fake, options, &mut |event| {
         failures += usize::from(matches!(event, Event::SaveFailed { .. }));
     });
@@ -206,7 +207,7 @@ fn data_that_vanishes_ends_the_run_and_loses_nothing() {
     let mut session = Session::open(recipe(&text), dir.path()).unwrap();
     let mut fake = Fake::new(&session.recipe().config.group);
     let (stop, mut saved) = (AtomicBool::new(false), 0);
-    let options = RunOptions { until: 20, threads: 1, stop: &stop };
+    let options = RunOptions { until: 20, threads: 1, stop: &stop, peers: None };
     let ended = run(&mut session, &mut fake, options, &mut |event| match event {
         Event::Step { figures, .. } if figures.step == 7 => fs::remove_dir_all(data.path().join("scene")).unwrap(),
         Event::Saved { step } => saved = *step,
@@ -251,4 +252,57 @@ fn changed_settings_are_told_and_new_groups_taken() {
     let (ended, told) = Go { until: 8, ..GO }.run(dir.path());
     assert_eq!(ended.unwrap().step, 8);
     assert!(told.iter().any(|note| note.contains("group[0].frozen is true there and false here")), "{told:?}");
+}
+
+/// Two threads as processes, each with one sample of a step, in one folder; what came of each.
+fn both(out: &Path, until: u64, change: &(dyn Fn(u32, &mut Fake) + Sync)) -> Vec<Result<Outcome, TrainError>> {
+    let text = CONFIG.replace("accumulate = 2", "accumulate = 1");
+    together(2, |peers| {
+        let mut session = Session::join(recipe(&text), out, peers).unwrap();
+        let mut fake = Fake::new(&session.recipe().config.group);
+        change(peers.rank(), &mut fake);
+        let stop = AtomicBool::new(false);
+        let options = RunOptions { until, threads: 2, stop: &stop, peers: Some(peers) };
+        run(&mut session, &mut fake, options, &mut |_| {})
+    })
+}
+
+#[test]
+fn two_processes_have_the_bits_of_one_that_accumulates() {
+    let (whole, dir) = (whole(), tempfile::tempdir().unwrap());
+    for until in [9, 20] {
+        assert!(both(dir.path(), until, &|_, _| {}).iter().all(|ended| ended.as_ref().unwrap().step == until));
+    }
+    assert!(bits(whole.path()) == bits(dir.path()));
+    // Validated at 9 too, where the first of the two ended.
+    let (one, two) = (lines(whole.path()), lines(dir.path()));
+    assert!(one.iter().all(|line| two.contains(line)) && one.len() + 1 == two.len());
+}
+
+#[test]
+fn a_process_that_fails_stops_all_with_its_name() {
+    let dir = tempfile::tempdir().unwrap();
+    // Samples 24 and 25 are those of step 13; the second process has the odd ones.
+    let ended = both(dir.path(), 20, &|_, fake| fake.nan_at = Some(25));
+    let told: Vec<String> = ended.into_iter().map(|ended| ended.unwrap_err().to_string()).collect();
+    assert!(told[0].contains("process 1") && told[0].contains("sample 25"), "{}", told[0]);
+    assert!(told[1].starts_with("the loss"), "{}", told[1]);
+    let saved = Saved::look(dir.path(), &recipe(CONFIG).network_json).unwrap().unwrap();
+    assert_eq!(saved.progress().step, 12);
+}
+
+#[test]
+fn processes_begin_with_the_same_checkpoint() {
+    let (dir, other) = (whole(), tempfile::tempdir().unwrap());
+    let joined = together(2, |peers| {
+        let out = if peers.rank() == 0 { dir.path() } else { other.path() };
+        Session::join(recipe(CONFIG), out, peers).map(|_| ()).unwrap_err().to_string()
+    });
+    assert!(joined.iter().all(|text| text.contains("process 1") && text.contains("from step 0")), "{joined:?}");
+    // A folder that another run holds.
+    let held = Session::open(recipe(CONFIG), other.path()).unwrap();
+    let joined = together(2, |peers| Session::join(recipe(CONFIG), other.path(), peers).map(|_| ()).unwrap_err());
+    assert!(matches!(joined[0], TrainError::Folder(IoError::FolderInUse { .. })), "{joined:?}");
+    assert!(joined[1].to_string().contains("process 0"), "{joined:?}");
+    drop(held);
 }
