@@ -41,3 +41,19 @@ fn what_cannot_be_is_refused_by_name() {
     fs::write(&file, "").unwrap();
     scenes(&file, &[]).fails(6, &["file"]);
 }
+
+#[test]
+fn labels_that_no_layout_has_are_written_when_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = scenes(folder.path(), &["--shard", "0/2"]).ok();
+    assert!(!folder.path().join("scene_000000/normals").exists(), "{}", plain.err);
+    // The scenes of another choice of labels are other scenes.
+    scenes(folder.path(), &["--shard", "0/2", "--labels", "normals"]).fails(3, &["scene_000000"]);
+    let out = folder.path().join("more");
+    scenes(&out, &["--shard", "0/2", "--labels", "normals,flow", "--layout", "omnix"]).ok();
+    let scene = out.join("scene_000000");
+    for file in ["normals/cam_01/frame_0001.npy", "flow/cam_00/frame_0000.npy", "tracks.safetensors"] {
+        assert!(scene.join(file).is_file(), "{file}");
+    }
+    assert_eq!(scenes(&out, &["--labels", "normal"]).code, Some(2));
+}

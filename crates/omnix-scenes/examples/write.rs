@@ -16,6 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         scenes: number(1, 1)?,
         cameras: 16,
         size: [504, 280],
+        labels: omnix_scenes::Labels::default(),
         layout: if shared { Layout::Omnix } else { Layout::Ue },
         shard: [0, 1],
         out: arguments.first().ok_or("the folder to write to is missing")?.into(),

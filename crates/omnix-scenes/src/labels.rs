@@ -61,3 +61,27 @@ pub(crate) fn is_outside(view: &View, geometry: &Geometry, hit: &Hit) -> bool {
 pub(crate) fn points(hits: &[Option<Hit>], geometry: &Geometry) -> Vec<Option<DVec3>> {
     hits.par_iter().map(|hit| hit.as_ref().map(|hit| geometry.point(hit))).collect()
 }
+
+/// The unit normals of what the pixels show, on the side towards the camera and in its axes; NaN where there is only sky.
+pub(crate) fn normals(view: &View, geometry: &Geometry, hits: &[Option<Hit>]) -> Vec<[f32; 3]> {
+    let to_camera = view.rotation.inverse();
+    let normal = |hit: &Option<Hit>| {
+        let Some(hit) = hit else { return [f32::NAN; 3] };
+        let side = if is_outside(view, geometry, hit) { 1.0 } else { -1.0 };
+        (to_camera * (geometry.face_normal(hit) * side)).normalize_or_zero().as_vec3().to_array()
+    };
+    hits.par_iter().map(normal).collect()
+}
+
+/// How far, in pixels to the right and down, the points that the pixels of `view` show are in another picture, at the time of whose state
+/// they are looked for; NaN where there is only sky and where a point is not in front of that camera. Points that are hidden there, or
+/// beyond its edge, have their place all the same.
+pub(crate) fn flow(view: &View, (later, then): (&View, &Geometry), hits: &[Option<Hit>]) -> Vec<[f32; 2]> {
+    let width = view.size[0];
+    let moved = |(pixel, hit): (usize, &Option<Hit>)| {
+        let place = hit.as_ref().and_then(|hit| later.project(then.point(hit)));
+        let from = View::pixel(pixel % width, pixel / width);
+        place.map_or([f32::NAN; 2], |(to, _)| (to - from).as_vec2().to_array())
+    };
+    hits.par_iter().enumerate().map(moved).collect()
+}

@@ -55,4 +55,4 @@ pub use scene::Scene;
 pub use shots::Input;
 pub use validation::{VALIDATION_SAMPLES, validation};
 pub use view::{PIXEL_CENTRE, View};
-pub use write::{Done, Job, Layout};
+pub use write::{Done, Job, Labels, Layout};

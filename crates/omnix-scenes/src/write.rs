@@ -26,7 +26,10 @@ use crate::smear::Later;
 use crate::view::View;
 use files::{Files, Take};
 
+pub use more::Labels;
+
 mod files;
+mod more;
 mod numpy;
 mod shared;
 #[cfg(test)]
@@ -67,6 +70,8 @@ pub struct Job {
     pub size: [usize; 2],
     /// How they are written.
     pub layout: Layout,
+    /// What is written beside what the layout has.
+    pub labels: Labels,
     /// Which part of the scenes, of how many.
     pub shard: [u64; 2],
     /// The folder.
@@ -159,7 +164,8 @@ impl Job {
         let [shard, shards] = self.shard;
         let scenes = self.scenes.saturating_sub(shard).div_ceil(shards.max(1));
         let images = scenes.saturating_mul(self.cameras as u64).saturating_mul(self.recipe.frames as u64);
-        ue::bytes(images, self.size[0] as u64 * self.size[1] as u64)
+        let pixels = self.size[0] as u64 * self.size[1] as u64;
+        ue::bytes(images, pixels).saturating_add(images.saturating_mul(self.labels.bytes(pixels)))
     }
 
     fn check(&self) -> Result<(), ScenesError> {
@@ -184,8 +190,14 @@ impl Job {
 
     fn digest(&self) -> String {
         let assets = self.assets.identity();
-        let all = serde_json::json!([FORMAT, &self.recipe, assets, self.seed, self.cameras, self.size, self.layout]);
-        blake3::hash(all.to_string().as_bytes()).to_hex().to_string()
+        let mut all =
+            vec![serde_json::json!([FORMAT, &self.recipe, assets, self.seed, self.cameras, self.size, self.layout])];
+        // Folders without further labels are those that they were before there were any.
+        if self.labels != Labels::default() {
+            all.push(serde_json::json!(self.labels));
+        }
+        let all: String = all.iter().map(ToString::to_string).collect();
+        blake3::hash(all.as_bytes()).to_hex().to_string()
     }
 
     /// A scene that is there: it has to be one of this job.
@@ -319,15 +331,29 @@ impl Job {
                 let moving = moves(&hits, state, states);
                 Take { camera, frame, view, colours, hits, moving }
             };
+            let more = |take: &Take| {
+                let then = (frame + 1) as f64 * scene.frame_seconds();
+                let next = states.get(frame + 1).map(|next| (rigs[take.camera].at(then, self.size), next));
+                self.labels.write(files, take, state, next)
+            };
             let cameras = (0..rigs.len()).into_par_iter();
             match self.layout {
                 Layout::Ue => {
                     ue::meshes(files, scene, state, frame)?;
-                    cameras.try_for_each(|camera| ue::image(files, &take(camera)))?;
+                    cameras.try_for_each(|camera| {
+                        let take = take(camera);
+                        more(&take)?;
+                        ue::image(files, &take)
+                    })?;
                 }
                 Layout::Omnix => {
                     let images = rigs.len() * states.len();
-                    kept.par_extend(cameras.map(|camera| shared::keep(take(camera), images, &scene.random)));
+                    let one = |camera| {
+                        let take = take(camera);
+                        more(&take)?;
+                        Ok(shared::keep(take, images, &scene.random))
+                    };
+                    kept.extend(cameras.map(one).collect::<Result<Vec<_>, ScenesError>>()?);
                 }
             }
         }

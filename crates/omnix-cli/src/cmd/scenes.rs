@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use omnix_scenes::{Assets, Job, Layout, Recipe};
+use omnix_scenes::{Assets, Job, Labels, Layout, Recipe};
 use serde_json::json;
 
 use crate::error::CliError;
@@ -41,12 +41,21 @@ pub(crate) struct ScenesArgs {
     /// How a scene's files lie: as in the paper's own set, or in the layout that newer trainers share.
     #[arg(long, value_name = "LAYOUT", default_value = "ue")]
     layout: LayoutName,
+    /// Labels to write beside those of the layout, as arrays of numpy: normals of surfaces, optical flow to the next frame.
+    #[arg(long, value_name = "LABEL,..", value_delimiter = ',')]
+    labels: Vec<LabelName>,
     /// Part i of n of the scenes, i from 0. [default: a Slurm array's task and number of tasks where there are such, else 0/1]
     #[arg(long, value_name = "I/N", value_parser = shard)]
     shard: Option<[u64; 2]>,
     /// One JSON object a line on standard output: scene {index, dir, kept, refused, seconds}, done {dir, scenes}, error.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
+enum LabelName {
+    Normals,
+    Flow,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -97,6 +106,10 @@ pub(crate) fn run(args: &ScenesArgs, ui: &mut Ui) -> Result<(), CliError> {
         layout: match args.layout {
             LayoutName::Ue => Layout::Ue,
             LayoutName::Omnix => Layout::Omnix,
+        },
+        labels: Labels {
+            normals: args.labels.contains(&LabelName::Normals),
+            flow: args.labels.contains(&LabelName::Flow),
         },
         shard: args.shard.or_else(|| array_task(|name| std::env::var(name).ok())).unwrap_or([0, 1]),
         out: args.out.clone(),

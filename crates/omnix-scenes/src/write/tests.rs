@@ -11,6 +11,7 @@ fn job(out: &Path) -> Job {
         cameras: 2,
         size: [28, 16],
         layout: Layout::Ue,
+        labels: Labels::default(),
         shard: [0, 1],
         out: out.to_owned(),
     }
@@ -120,4 +121,76 @@ fn a_folder_in_use_and_jobs_that_cannot_be_are_refused() {
     let nowhere = Job { out: folder.path().join("file/below"), ..good };
     fs::write(folder.path().join("file"), "").unwrap();
     assert!(matches!(nowhere.run(&|| false, |_| ()), Err(ScenesError::Write { .. })));
+}
+
+/// The numbers of an NPY file of f32.
+fn numbers(path: &Path) -> Vec<f32> {
+    let bytes = fs::read(path).unwrap();
+    let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    bytes[start..].chunks_exact(4).map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect()
+}
+
+#[test]
+fn normals_and_flow_agree_with_depth_and_cameras() {
+    use glam::{DVec2, DVec3};
+
+    let folder = tempfile::tempdir().unwrap();
+    let labels = Labels { normals: true, flow: true };
+    for (layout, name) in [(Layout::Ue, "ue"), (Layout::Omnix, "omnix")] {
+        let job = Job { layout, labels, scenes: 1, size: [56, 42], ..job(&folder.path().join(name)) };
+        let (scene, states, rigs, _) = job.chosen(0, &mut BTreeMap::new()).unwrap();
+        job.run(&|| false, |_| ()).unwrap();
+        let out = job.out.join("scene_000000");
+        assert!(omnix_data::sets::open(&out, None).is_ok(), "the layout is read with more beside it");
+        let (width, seconds) = (56, |frame: usize| frame as f64 * scene.frame_seconds());
+        let (mut flat, mut still, mut moving) = (0, 0, 0);
+        for (camera, rig) in rigs.iter().enumerate() {
+            for frame in 0..2 {
+                let (view, next) = (rig.at(seconds(frame), job.size), rig.at(seconds(frame + 1), job.size));
+                let hits = hits(&view, &states[frame]);
+                let file = |kind: &str| out.join(format!("{kind}/cam_{camera:02}/frame_{frame:04}.npy"));
+                let (normals, flow) = (numbers(&file("normals")), numbers(&file("flow")));
+                assert_eq!((normals.len(), flow.len()), (3 * hits.len(), 2 * hits.len()));
+                let point = |pixel: usize, hit: &Hit| {
+                    let at = View::pixel(pixel % width, pixel / width);
+                    let ray = view.ray(at);
+                    view.rotation.inverse() * (ray.direction * hit.t)
+                };
+                for (pixel, hit) in hits.iter().enumerate() {
+                    let normal = DVec3::from_array([0, 1, 2].map(|i| f64::from(normals[3 * pixel + i])));
+                    let Some(hit) = hit else {
+                        assert!(normal.is_nan() && flow[2 * pixel].is_nan());
+                        continue;
+                    };
+                    let own = point(pixel, hit);
+                    assert!((normal.length() - 1.0).abs() < 1e-6 && normal.dot(own) < 1e-6, "{normal} {own}");
+                    // Two pixels on one flat triangle: what lies between them is at right angles to the normal.
+                    if let Some(Some(right)) = hits.get(pixel + 1).filter(|_| pixel % width + 1 < width)
+                        && (right.instance, right.triangle) == (hit.instance, hit.triangle)
+                    {
+                        let along = (point(pixel + 1, right) - own).normalize();
+                        assert!(normal.dot(along).abs() < 1e-5, "{normal} {along}");
+                        flat += 1;
+                    }
+                    // Where the point is in the next state, as its camera sees it.
+                    let then = next.rotation.inverse() * (states[frame + 1].point(hit) - next.centre);
+                    if then.z <= 0.0 {
+                        continue;
+                    }
+                    let at = DVec2::new(then.x, then.y) / then.z * next.focal + next.principal;
+                    let from = View::pixel(pixel % width, pixel / width);
+                    let found = DVec2::new(flow[2 * pixel].into(), flow[2 * pixel + 1].into());
+                    assert!((at - from).distance(found) < 1e-3 * (1.0 + found.length()), "{at} {from} {found}");
+                    let stays = states[frame].point(hit).distance(states[frame + 1].point(hit)) == 0.0;
+                    still += usize::from(stays);
+                    moving += usize::from(!stays);
+                }
+            }
+            assert!(
+                !out.join(format!("flow/cam_{camera:02}/frame_0002.npy")).exists(),
+                "no frame comes after the last"
+            );
+        }
+        assert!(flat > 500 && still > 500 && moving > 10, "{flat} {still} {moving}");
+    }
 }
