@@ -240,7 +240,7 @@ fn tell(event: &Event<'_>, ui: &mut Ui) {
                 figures.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
             ui.event("validated", json!({ "step": step, "losses": losses(found), "figures": named, "best": best }));
             let best = if *best { ", the best so far" } else { "" };
-            let figures: String = figures.iter().map(|(name, value)| format!("  {name} {value:.4}")).collect();
+            let figures: String = figures.iter().map(|(name, value)| format!("  {name} {value:.3}")).collect();
             ui.say(&format!("step {step}: validation loss {:.4}{best}{figures}", found.total));
         }
         Event::Saved { step } => ui.event("saved", json!({ "step": step })),
