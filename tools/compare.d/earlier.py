@@ -51,7 +51,10 @@ def compare(out, runs, revision, kernels):
     theirs = {name: earlier.bench(name) for name in (NETWORK, KERNELS)} | {"omnix": earlier.omnix()}
     out.notes["earlier"] = f"{earlier.commit}, {subject(earlier.commit)}"
     for part in (network, photo):
-        part(out, runs, earlier.name, ours, theirs)
+        try:
+            part(out, runs, earlier.name, ours, theirs)
+        except Missing as reason:
+            out.missing(f"{part.__name__}: {reason}")
     compare_kernels(out, runs, earlier.name, ours, theirs, kernels)
 
 
@@ -113,7 +116,11 @@ def compare_kernels(out, runs, name, ours, theirs, cases):
             program.line()
         for case in cases:
             say(case)
-            samples = [[answer(program, case) for program in programs] for _ in range(runs + 1)][1:]
+            try:
+                samples = [[answer(program, case) for program in programs] for _ in range(runs + 1)][1:]
+            except Missing as reason:
+                out.missing(f"{case}: {reason}")
+                continue
             mine, other = (medians(column) for column in zip(*samples))
             out.add(case.replace(" ", "_"), case, name, mine, other)
     finally:
