@@ -47,7 +47,7 @@ fn edited(changes: &serde_json::Value) -> NetworkConfig {
 fn recorded(changes: &serde_json::Value, dropout: Option<Dropout>) -> (Case, Value) {
     let config = edited(changes);
     let mut graph = Graph::new();
-    let spec = TrainingSpec { images: 2, grid: (2, 3), motion: true, ungated: true, dropout };
+    let spec = TrainingSpec { images: 2, grid: (2, 3), motion: true, ungated: true, dropout, inference: false };
     let made = Network::new(config.clone()).training(&mut graph, &spec).expect("records");
     let weights = RandomWeights::new(&config);
     let mut data = BTreeMap::new();

@@ -26,6 +26,8 @@ pub struct TrainingSpec {
     pub ungated: bool,
     /// Dropout where the network has it; `None` as in inference.
     pub dropout: Option<Dropout>,
+    /// Whether the gate of trajectories is that of inference, for validation, where the network has another one in training.
+    pub inference: bool,
 }
 
 /// A recorded network. S images of H × W pixels.
@@ -92,7 +94,7 @@ impl Network {
     /// # Errors
     /// [`ModelError::Request`] when the network cannot do what is asked.
     pub fn training(&self, g: &mut Graph, spec: &TrainingSpec) -> Result<TrainingOutputs, ModelError> {
-        let TrainingSpec { images, grid, motion, ungated, dropout } = *spec;
+        let TrainingSpec { images, grid, motion, ungated, dropout, .. } = *spec;
         let times = vec![(0, 0); images];
         let reference = self.default_reference();
         let backbone = BackboneSpec {
@@ -155,7 +157,7 @@ impl Network {
         points: Value,
         module: &MotionOutputs,
     ) -> Result<TrainingMotion, ModelError> {
-        let TrainingSpec { images, grid, ungated, .. } = *spec;
+        let TrainingSpec { images, grid, ungated, inference, .. } = *spec;
         let config = self.config().trajectory.as_ref().ok_or_else(|| self.lacks("trajectories"))?;
         let mask = match config.sampled_score {
             SampledScore::Mask => g.straight_through(module.mask, module.score)?,
@@ -166,7 +168,7 @@ impl Network {
         g.connect(sampling.field, module.field)?;
         g.connect(sampling.mask, mask)?;
         let gate = match config.gate {
-            MotionGate::Hard { train, .. } => Gate::Hard(train),
+            MotionGate::Hard { infer, train } => Gate::Hard(if inference { infer } else { train }),
             MotionGate::Blend => Gate::Blend,
         };
         let motion = Motion { gate, ..config.motion() };

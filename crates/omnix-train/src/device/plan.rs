@@ -91,10 +91,10 @@ impl StepPlan {
     /// ([`GraphError::Budget`], with the least that works).
     pub fn new(network: &Network, size: Size, objective: Objective<'_>, room: Room<'_>) -> Result<Self, TrainError> {
         let Objective { loss, groups, dropout } = objective;
-        let forward = record(network, size, loss, None)?;
+        let forward = record(network, size, loss, Purpose::Validation)?;
         let mut answering = forward.graph;
         forward.answer.iter().zip(ANSWER).for_each(|(value, name)| answering.output(*value, name));
-        let Recorded { graph: mut g, total, .. } = record(network, size, loss, dropout)?;
+        let Recorded { graph: mut g, total, .. } = record(network, size, loss, Purpose::Training(dropout))?;
         let group = |name: &str| groups.iter().find(|group| name.contains(&group.name));
         let reached = g.gradients(total, &|name| group(name).is_some_and(|group| !group.frozen))?;
         let expected = manifest(network.config(), &Parts::default());
@@ -169,12 +169,25 @@ fn bytes_beside(train: &Plan, forward: &Plan, layout: &Layout, room: Room<'_>) -
     train.weight_bytes() + lists * 4 * layout.len() as u64 + evaluations * (forward.working_bytes() - weights)
 }
 
+/// What a graph is for.
+#[derive(Clone, Copy)]
+enum Purpose {
+    /// What is left out at random is left out, and the gate of trajectories is that of training.
+    Training(Option<Dropout>),
+    /// As in inference.
+    Validation,
+}
+
 /// Records a network and its losses, which are the only output so far.
-fn record(network: &Network, size: Size, loss: &LossConfig, dropout: Option<Dropout>) -> Result<Recorded, TrainError> {
+fn record(network: &Network, size: Size, loss: &LossConfig, purpose: Purpose) -> Result<Recorded, TrainError> {
     let mut graph = Graph::new();
     let moves = network.config().trajectory.is_some();
     let ungated = moves && loss.weights.displacement != 0.0;
-    let spec = TrainingSpec { images: size.images, grid: size.grid, motion: moves, ungated, dropout };
+    let (dropout, inference) = match purpose {
+        Purpose::Training(dropout) => (dropout, false),
+        Purpose::Validation => (None, true),
+    };
+    let spec = TrainingSpec { images: size.images, grid: size.grid, motion: moves, ungated, dropout, inference };
     let made = network.training(&mut graph, &spec)?;
     let terms = targets::terms(&mut graph, &made, &size, loss)?;
     let losses = terms.record(&mut graph, loss)?;
