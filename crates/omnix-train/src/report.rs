@@ -190,12 +190,14 @@ fn draw(
         }
     };
     add(format!("{prefix}loss"), format!("{tab}/loss"), line.get("loss"));
-    let tables = ["terms", "figures"].into_iter().filter_map(|table| line.get(table).and_then(Value::as_object));
-    for (name, value) in tables.flatten() {
-        if !terms.contains(name) {
+    let table = |name: &str| line.get(name).and_then(Value::as_object).into_iter().flatten();
+    // A figure may have the name of a term: both have a displacement.
+    let figures = table("figures").map(|(name, value)| (format!("figure {name}"), value));
+    for (name, value) in table("terms").map(|(name, value)| (name.clone(), value)).chain(figures) {
+        if !terms.contains(&name) {
             terms.push(name.clone());
         }
-        add(format!("{prefix}{name}"), format!("{tab}/{name}"), Some(value));
+        add(format!("{prefix}{name}"), format!("{tab}/{}", name.replace(' ', "/")), Some(value));
     }
     for name in ["norm", "seconds"] {
         add(name.to_owned(), format!("step/{name}"), line.get(name));
@@ -258,14 +260,20 @@ mod tests {
         let mut report = open(3);
         (4..=6).for_each(|step| report.step(&figures(step)).unwrap());
         report.validation(6, &figures(6).losses, &[("AbsRel", 0.25)]).unwrap();
-        assert_eq!(report.curves["validation AbsRel"].points().len(), 1);
+        assert_eq!(report.curves["validation figure AbsRel"].points().len(), 1);
         assert_eq!(steps(dir.path()), [1, 2, 3, 4, 5, 6, 6]);
         assert_eq!(report.curves["loss"].points().len(), 6);
         report.page(&[("step", "6 of 20".to_owned())]).unwrap();
         let page = std::fs::read_to_string(dir.path().join(PAGE)).unwrap();
-        for shown in
-            ["rate of backbone", "rate of the rest", "depth", "AbsRel", "validation", "6 of 20", "&quot;seed&quot;: 1"]
-        {
+        for shown in [
+            "rate of backbone",
+            "rate of the rest",
+            "depth",
+            "figure AbsRel",
+            "validation",
+            "6 of 20",
+            "&quot;seed&quot;: 1",
+        ] {
             assert!(page.contains(shown), "{shown}");
         }
         let events = std::fs::read_dir(dir.path()).unwrap().flatten();
