@@ -41,6 +41,27 @@ impl Peers for Pair<'_> {
     }
 }
 
+/// A launcher that has started one process.
+struct Alone;
+
+impl Peers for Alone {
+    fn rank(&self) -> u32 {
+        0
+    }
+
+    fn count(&self) -> u32 {
+        1
+    }
+
+    fn gather(&self, mine: &[u8]) -> Result<Vec<Vec<u8>>, TrainError> {
+        Ok(vec![mine.to_vec()])
+    }
+
+    fn broadcast(&self, _: u32, _: &mut [f32]) -> Result<(), TrainError> {
+        Ok(())
+    }
+}
+
 /// Trains the smoke recipe for some steps with this number of samples a process.
 fn train(out: &Path, accumulate: u32, peers: Option<&dyn Peers>) {
     let mut recipe = read_config(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../recipes/smoke.toml")).unwrap();
@@ -52,7 +73,8 @@ fn train(out: &Path, accumulate: u32, peers: Option<&dyn Peers>) {
     };
     let count = peers.map_or(1, Peers::count);
     let mut step = ready_among(&session, &Gpu::new(&device, &queue), None, count).unwrap();
-    let options = RunOptions { until: 3, threads: 1, stop: &AtomicBool::new(false), peers };
+    let stop = AtomicBool::new(false);
+    let options = RunOptions::new(3, &stop).peers(peers);
     assert_eq!(run(&mut session, &mut step, options, &mut |_| {}).unwrap().step, 3);
 }
 
@@ -74,10 +96,12 @@ fn state(out: &Path) -> [Vec<u8>; 2] {
 #[test]
 fn two_processes_with_a_sample_each_have_the_bits_of_one_with_both() {
     let dir = tempfile::tempdir().unwrap();
-    let [one, two, four] = ["one", "two", "four"].map(|name| dir.path().join(name));
+    let [one, two, four, alone] = ["one", "two", "four", "alone"].map(|name| dir.path().join(name));
     train(&one, 2, None);
     together(&two, 1);
     assert!(state(&one) == state(&two));
+    train(&alone, 2, Some(&Alone));
+    assert!(state(&one) == state(&alone));
     // With more samples each they learn from others.
     together(&four, 2);
     assert!(state(&one) != state(&four));

@@ -322,7 +322,10 @@ fn training_code(error: &TrainError) -> u8 {
         | TrainError::TensorTooLarge { .. } => 5,
         TrainError::Folder(error) => file_code(error),
         TrainError::Write { .. } => 6,
-        TrainError::Step(_) | TrainError::NotFinite { .. } | TrainError::StateNotFinite { .. } => 1,
+        TrainError::Step(_)
+        | TrainError::Peer { .. }
+        | TrainError::NotFinite { .. }
+        | TrainError::StateNotFinite { .. } => 1,
         TrainError::Graph(_) => 1,
         _ => 3,
     }

@@ -13,7 +13,7 @@
 //!
 //! [sample]                          # what is drawn from the data: number of images, and their width and height
 //! images = 4
-//! scenes = 1                        # of which they are: an equal share each
+//! scenes = 1                        # number of scenes that the images come from, equally many of each
 //! size = [140, 84]
 //! [[data]]                          # as many as wanted, drawn in proportion to their weights
 //! made = "shapes"                   # or made = "scenes" (recipe, photos), or path = "..", a folder with scenes of a data set; set, shares, step
@@ -70,8 +70,8 @@ pub struct Config {
     /// `spec/omnix.md` 11.3 has it for adding to a trained network. A small network that starts from nothing learns sooner with 1.
     #[serde(default = "layer_scale")]
     pub layer_scale: f32,
-    /// How the copies of the weights are stored that matrix products and convolutions read. The weights themselves, their moments and
-    /// everything else are f32 always.
+    /// How the copies of trained weights are stored that matrix products and convolutions read. The weights themselves, their moments,
+    /// frozen weights and everything else are f32 always.
     #[serde(default)]
     pub weights_type: Copies,
     /// What is drawn from the data.
@@ -153,8 +153,8 @@ pub enum Start {
 pub struct SampleConfig {
     /// Number of images.
     pub images: u32,
-    /// Number of scenes that they are of, an equal share each; motion is then left out, and the images of different scenes have nothing to
-    /// tell each other. Where a network starts from nothing, many scenes in a step are worth more than many views of one.
+    /// Number of scenes that the images come from, equally many of each. With more than one a network with trajectories is refused: the
+    /// images of different scenes have nothing to tell each other. Where a network starts from nothing, many scenes in a step are worth more than many views of one.
     #[serde(default = "single")]
     pub scenes: u32,
     /// Width and height in pixels: multiples of 14.

@@ -131,6 +131,15 @@ pub enum TrainError {
         /// What it said.
         reason: String,
     },
+    /// Processes of a training that do not train the same.
+    #[error(
+        "process {rank} of this training has another configuration, or is another version of the program, than the first one: start all with \
+         the same"
+    )]
+    PeerRecipe {
+        /// Its rank.
+        rank: u32,
+    },
     /// Processes of a training that do not start from the same state.
     #[error(
         "process {rank} of this training goes on from step {found}, the first one from step {expected}: all must see the same folder, \

@@ -87,8 +87,9 @@ pub struct Outcome {
     pub best: Option<Best>,
 }
 
-/// How to run, beside what the recipe says.
+/// How to run, beside what the recipe says: made by [`RunOptions::new`] and changed by the methods of its fields' names.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub struct RunOptions<'a> {
     /// Steps in all, those of the checkpoint included; the schedule's length stays that of the recipe.
     pub until: u64,
@@ -98,6 +99,26 @@ pub struct RunOptions<'a> {
     pub stop: &'a AtomicBool,
     /// The other processes of this training, where there are any.
     pub peers: Option<&'a dyn Peers>,
+}
+
+impl<'a> RunOptions<'a> {
+    /// This number of steps in all, in one process, with one thread that makes samples.
+    #[must_use]
+    pub const fn new(until: u64, stop: &'a AtomicBool) -> Self {
+        Self { until, threads: 1, stop, peers: None }
+    }
+
+    /// Threads that make samples.
+    #[must_use]
+    pub const fn threads(self, threads: usize) -> Self {
+        Self { threads, ..self }
+    }
+
+    /// The other processes of this training.
+    #[must_use]
+    pub const fn peers(self, peers: Option<&'a dyn Peers>) -> Self {
+        Self { peers, ..self }
+    }
 }
 
 /// The page is written anew at most this often between checkpoints.
@@ -128,15 +149,29 @@ pub fn run(
     let turns = Turns::new(progress.samples, config.optimiser.accumulate, options.peers);
     let loader = Loader::new(Mixture::of(&config, false)?, turns, options.threads);
     let tried = progress.step;
-    let mut running = Running { session, progress, report, step, loader, tried, failed: None, time: Times::new() };
+    let exchanged = progress.step;
+    let mut running = Running {
+        session,
+        progress,
+        report,
+        step,
+        loader,
+        tried,
+        exchanged,
+        told: false,
+        failed: None,
+        time: Times::new(),
+    };
     if let Err(error) = running.go(options, each) {
+        running.tell(options, &error);
         // The weights are good: what was learned since the last checkpoint is not lost.
-        if matches!(error, TrainError::Sample { .. } | TrainError::Write { .. })
-            && running.progress.step != running.tried
-        {
-            running.save(false, each)?;
+        let good = matches!(error, TrainError::Sample { .. } | TrainError::Write { .. } | TrainError::Peer { .. });
+        let saved = if good && running.progress.step != running.tried { running.save(false, each) } else { Ok(()) };
+        if let Some(peers) = options.peers.filter(|_| running.told) {
+            // Nobody leaves, which may end the others, before the first has saved. The first error is the one to tell.
+            let _ = peers.gather(&[]);
         }
-        return Err(error);
+        return Err(saved.err().unwrap_or(error));
     }
     let Running { progress, failed, .. } = running;
     let stopped = progress.step < options.until;
@@ -194,6 +229,10 @@ struct Running<'a> {
     loader: Loader,
     /// The step after which saving was last tried, or that the run goes on from.
     tried: u64,
+    /// The last step of which the gradients of all processes were added up.
+    exchanged: u64,
+    /// Whether all processes know that the run has failed.
+    told: bool,
     /// Why the last attempt to save failed.
     failed: Option<TrainError>,
     time: Times,
@@ -264,7 +303,8 @@ impl Running<'_> {
         };
         let norm = self.step.apply(&update).map_err(TrainError::Step)?;
         if let (false, Some(drawn)) = (norm.is_finite(), &last) {
-            return Err(not_finite(self.step, "the norm of the gradient".to_owned(), number, drawn));
+            let of = if options.peers.is_some_and(|peers| peers.count() > 1) { " of all processes" } else { "" };
+            return Err(not_finite(self.step, format!("the norm of the gradient{of}"), number, drawn));
         }
         self.progress.step = number;
         self.progress.samples += u64::from(count);
@@ -304,11 +344,27 @@ impl Running<'_> {
         };
         let names = part.as_ref().ok().and_then(Option::as_ref).map_or(&[][..], |(losses, _)| losses);
         let all = agree(peers, &mine, names);
+        self.told = part.is_err() || all.is_err();
         // Its own failure says more than what the others are told of it.
         let part = part?;
-        let (Some(losses), Some((_, last))) = (all?, part) else { return Ok(None) };
+        let (Some(losses), Some((_, last))) = (all?, part) else {
+            // All leave now: nobody will ask any more.
+            self.exchanged = u64::MAX;
+            return Ok(None);
+        };
         self.step.exchange(peers).map_err(TrainError::Step)?;
+        self.exchanged = self.progress.step + 1;
         Ok(Some((losses, last)))
+    }
+
+    /// Tells the other processes of a failure that they do not know of, where they will ask: before the exchange of their next step.
+    fn tell(&mut self, options: RunOptions<'_>, error: &TrainError) {
+        let Some(peers) = options.peers.filter(|_| !self.told) else { return };
+        // A failure between the start of an exchange and its end has cut it off: then the host ends the others.
+        let within = self.exchanged == self.progress.step && matches!(error, TrainError::Step(_));
+        if self.exchanged < options.until && !within {
+            self.told = agree(peers, &Ended::failed(error), &[]).is_err();
+        }
     }
 
     /// Goes through the validation samples; whether the result is the best so far.
@@ -321,8 +377,12 @@ impl Running<'_> {
             let drawn = mixture.draw(number)?;
             let (found, judged) = self.step.validate(&drawn.sample, config.averaged()).map_err(TrainError::Step)?;
             losses.add(&found, 1.0 / f64::from(validation.samples));
-            if let Some(judged) = judged {
-                figures.add(&drawn.label, judged);
+            if let Some((mut score, trivial)) = judged {
+                if config.sample.scenes > 1 {
+                    // Cameras of different scenes have no place to each other.
+                    (score.rotation, score.direction) = (f64::NAN, f64::NAN);
+                }
+                figures.add(&drawn.label, (score, trivial));
             }
         }
         let figures = figures.means();

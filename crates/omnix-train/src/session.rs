@@ -40,33 +40,42 @@ impl Session {
     /// The session of one of several processes: the first opens the folder, then the others look at it.
     ///
     /// # Errors
-    /// As [`Session::open`], in every process; processes that do not see the same checkpoint.
+    /// As [`Session::open`], in every process; processes that train another configuration, are of another version, or do not see the same
+    /// checkpoint.
     pub fn join(recipe: Recipe, out: &Path, peers: &dyn Peers) -> Result<Self, TrainError> {
         let leads = peers.rank() == 0;
-        let first = leads.then(|| Self::open(recipe.clone(), out));
+        let opened = leads.then(|| Self::open(recipe.clone(), out));
         // A folder that cannot be used is the failure of all.
-        let reason = first.as_ref().and_then(|opened| opened.as_ref().err()).map(Ended::failed);
-        let told = peers.gather(&serde_json::to_vec(&reason).unwrap_or_default())?;
-        let session = match first {
-            Some(opened) => opened?,
-            None => {
-                let failed = told.first().and_then(|text| serde_json::from_slice::<Option<Ended>>(text).ok()).flatten();
-                if let Some(Ended::Failed { host, reason }) = failed {
-                    return Err(TrainError::Peer { rank: 0, host, reason });
-                }
-                let saved = Saved::look(out, &recipe.network_json)?;
-                Self { recipe, out: out.to_owned(), saved, folder: None }
-            }
-        };
-        let step = session.saved.as_ref().map_or(0, |saved| saved.progress().step);
-        let steps = peers.gather(&step.to_le_bytes())?;
-        let steps = steps.iter().map(|bytes| bytes.as_slice().try_into().map_or(u64::MAX, u64::from_le_bytes));
-        let steps: Vec<u64> = steps.collect();
-        let expected = steps.first().copied().unwrap_or(step);
-        match steps.iter().position(|found| *found != expected) {
-            None => Ok(session),
-            Some(rank) => Err(TrainError::PeerState { rank: rank as u32, found: steps[rank], expected }),
+        told(peers, opened.as_ref().and_then(|opened| opened.as_ref().err()))?;
+        if let Some(Err(error)) = opened {
+            return Err(error);
         }
+        let session = match opened {
+            Some(opened) => opened,
+            None => Saved::look(out, &recipe.network_json).map(|saved| Self {
+                recipe: recipe.clone(),
+                out: out.to_owned(),
+                saved,
+                folder: None,
+            }),
+        };
+        told(peers, session.as_ref().err())?;
+        let session = session?;
+        let step = session.saved.as_ref().map_or(0, |saved| saved.progress().step);
+        let mine = serde_json::to_vec(&(step, fingerprint(&session.recipe))).unwrap_or_default();
+        let all = peers.gather(&mine)?;
+        let all = all.iter().map(|text| serde_json::from_slice::<(u64, String)>(text).unwrap_or_default());
+        let all: Vec<(u64, String)> = all.collect();
+        let Some((expected, recipe)) = all.first().cloned() else { return Ok(session) };
+        for (rank, (found, other)) in (0..).zip(all) {
+            if other != recipe {
+                return Err(TrainError::PeerRecipe { rank });
+            }
+            if found != expected {
+                return Err(TrainError::PeerState { rank, found, expected });
+            }
+        }
+        Ok(session)
     }
 
     /// Whether this process validates and writes.
@@ -117,4 +126,29 @@ impl Session {
         let fits = expected.expected().iter().any(|t| values.origin(&t.name, &t.shape) != Origin::Seed);
         if fits { Ok(values) } else { Err(TrainError::NothingFits { path: path.to_owned() }) }
     }
+}
+
+/// Tells all processes of this one's failure, and is an error where any has failed: this one's own, or that of the first that did.
+fn told(peers: &dyn Peers, mine: Option<&TrainError>) -> Result<(), TrainError> {
+    let texts = peers.gather(&serde_json::to_vec(&mine.map(Ended::failed)).unwrap_or_default())?;
+    if mine.is_some() {
+        // The caller has it, and says more than what the others are told of it.
+        return Ok(());
+    }
+    for (rank, text) in (0..).zip(texts) {
+        if let Ok(Some(Ended::Failed { host, reason })) = serde_json::from_slice::<Option<Ended>>(&text) {
+            return Err(TrainError::Peer { rank, host, reason });
+        }
+    }
+    Ok(())
+}
+
+/// What has to be the same in all processes: the program's version, the network and the settings, but for where files lie.
+fn fingerprint(recipe: &Recipe) -> String {
+    let mut settings = recipe.config.settings();
+    if let Some(settings) = settings.as_object_mut() {
+        ["data", "start", "network", "validation"].iter().for_each(|key| _ = settings.remove(*key));
+    }
+    let all = serde_json::json!([env!("CARGO_PKG_VERSION"), settings, recipe.network_json]);
+    blake3::hash(all.to_string().as_bytes()).to_hex().to_string()
 }

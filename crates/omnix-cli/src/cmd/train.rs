@@ -48,9 +48,9 @@ pub(crate) struct TrainArgs {
     /// One JSON object a line on standard output, nothing for people.
     ///
     /// Its `event` is one of: note {message}; plan {images, image_size, bytes, flops, forward_flops, recomputed_flops, without {bytes,
-    /// flops}, trained}, where `without` is what a step would take if nothing were computed again; device {..}; continued {step}; step {step, of, losses, norm, rates, seconds, left_s}; validated {step, losses, figures,
-    /// best}, with the columns of `omnix eval network` as figures; saved {step};
-    /// save_failed {message}; trained {step, stopped, best}; error {..}.
+    /// flops}, trained}, where `without` is what a step would take if nothing were computed again; device {..}; continued {step};
+    /// step {step, of, losses, norm, rates, seconds, left_s}; validated {step, losses, figures, best}, with the columns of `omnix eval
+    /// network` as figures; saved {step}; save_failed {message}; trained {step, stopped, best}; error {..}.
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -68,13 +68,12 @@ pub(crate) fn run(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
 fn among_peers(args: &TrainArgs, ui: &mut Ui) -> Result<(), CliError> {
     use omnix_train::peers::{Mpi, Peers as _};
     let peers = Mpi::begin()?;
-    let trained = if peers.rank() == 0 {
-        train(args, Some(&peers), ui)
-    } else {
-        train(args, Some(&peers), &mut Ui::new(false, true, false))
-    };
-    match trained {
+    // What goes wrong in another one it says for itself, to people.
+    let mut quiet = Ui::new(false, true, false);
+    let ui = if peers.rank() == 0 { ui } else { &mut quiet };
+    match train(args, Some(&peers), ui) {
         // The others may wait for this one: MPI ends them.
+        Err(CliError::TrainingInterrupted { .. }) if peers.rank() > 0 => Ok(()),
         Err(error) if !matches!(error, CliError::TrainingInterrupted { .. }) => {
             ui.error(&error);
             peers.abort(error.exit_code().into())
@@ -130,7 +129,7 @@ fn train(args: &TrainArgs, peers: Option<&dyn Peers>, ui: &mut Ui) -> Result<(),
     }
     let mut step = ready_among(&session, engine.gpu(), args.memory_budget, processes)?;
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get().div_ceil(2));
-    let options = RunOptions { until, threads, stop: stop::flag(), peers };
+    let options = RunOptions::new(until, stop::flag()).threads(threads).peers(peers);
     let outcome = omnix_train::run(&mut session, &mut step, options, &mut |event| tell(event, ui))?;
     let best = outcome.best.as_ref().map(|best| json!({ "step": best.step, "loss": best.figure }));
     ui.event("trained", json!({ "step": outcome.step, "stopped": outcome.stopped, "best": best }));

@@ -296,6 +296,9 @@ impl Step for DeviceStep {
     }
 
     fn exchange(&mut self, peers: &dyn Peers) -> Result<(), StepError> {
+        if peers.count() == 1 {
+            return Ok(());
+        }
         let Some(Exchange { own, received, sum }) = &self.exchange else {
             return Err("BUG: a step that was planned for one process".into());
         };
@@ -340,8 +343,10 @@ impl Step for DeviceStep {
     }
 
     fn not_finite(&mut self) -> Option<String> {
-        let gradients = self.accumulate.as_ref().map_or(&self.lists.gradients, |(_, parts)| parts);
-        self.bad_tensor(&self.lists.weights).or_else(|| self.bad_tensor(gradients))
+        // Those of the last sample, and the sum: of other samples and other processes.
+        let parts = self.accumulate.as_ref().map(|(_, parts)| parts);
+        let lists = [Some(&self.lists.weights), parts, Some(&self.lists.gradients)];
+        lists.into_iter().flatten().find_map(|list| self.bad_tensor(list))
     }
 
     fn read(&mut self, part: Part, arena: usize) -> Result<Vec<f32>, StepError> {

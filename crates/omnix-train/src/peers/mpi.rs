@@ -45,6 +45,15 @@ impl Mpi {
     }
 }
 
+impl Drop for Mpi {
+    fn drop(&mut self) {
+        // MPI's own end waits for the others, and these for what a process that has panicked will never send.
+        if std::thread::panicking() {
+            self.abort(101);
+        }
+    }
+}
+
 impl Peers for Mpi {
     fn rank(&self) -> u32 {
         self.world.rank().unsigned_abs()

@@ -61,7 +61,7 @@ impl Go<'_> {
         (self.change)(&mut fake);
         let mut session = Session::open(recipe, out).unwrap();
         let (stop, mut told) = (AtomicBool::new(false), Vec::new());
-        let options = RunOptions { until: self.until, threads: self.threads, stop: &stop, peers: None };
+        let options = RunOptions::new(self.until, &stop).threads(self.threads);
         let ended = run(&mut session, &mut fake, options, &mut |event| {
             told.push(match event {
                 Event::Step { figures, .. } => {
@@ -189,7 +189,7 @@ fn a_checkpoint_that_cannot_be_written_leaves_the_former_one() {
     fs::write(dir.path().join(".omnix-last.new"), "a file").unwrap();
     let mut fake = Fake::new(&session.recipe().config.group);
     let (stop, mut failures) = (AtomicBool::new(false), 0);
-    let options = RunOptions { until: 30, threads: 1, stop: &stop, peers: None };
+    let options = RunOptions::new(30, &stop);
     let ended = run(&mut session, &mut fake, options, &mut |event| {
         failures += usize::from(matches!(event, Event::SaveFailed { .. }));
     });
@@ -207,7 +207,7 @@ fn data_that_vanishes_ends_the_run_and_loses_nothing() {
     let mut session = Session::open(recipe(&text), dir.path()).unwrap();
     let mut fake = Fake::new(&session.recipe().config.group);
     let (stop, mut saved) = (AtomicBool::new(false), 0);
-    let options = RunOptions { until: 20, threads: 1, stop: &stop, peers: None };
+    let options = RunOptions::new(20, &stop);
     let ended = run(&mut session, &mut fake, options, &mut |event| match event {
         Event::Step { figures, .. } if figures.step == 7 => fs::remove_dir_all(data.path().join("scene")).unwrap(),
         Event::Saved { step } => saved = *step,
@@ -262,7 +262,7 @@ fn both(out: &Path, until: u64, change: &(dyn Fn(u32, &mut Fake) + Sync)) -> Vec
         let mut fake = Fake::new(&session.recipe().config.group);
         change(peers.rank(), &mut fake);
         let stop = AtomicBool::new(false);
-        let options = RunOptions { until, threads: 2, stop: &stop, peers: Some(peers) };
+        let options = RunOptions::new(until, &stop).threads(2).peers(Some(peers));
         run(&mut session, &mut fake, options, &mut |_| {})
     })
 }
@@ -289,6 +289,60 @@ fn a_process_that_fails_stops_all_with_its_name() {
     assert!(told[1].starts_with("the loss"), "{}", told[1]);
     let saved = Saved::look(dir.path(), &recipe(CONFIG).network_json).unwrap().unwrap();
     assert_eq!(saved.progress().step, 12);
+}
+
+#[test]
+fn a_process_that_fails_alone_does_not_leave_the_others_waiting() {
+    let dir = tempfile::tempdir().unwrap();
+    // Within the update, of which the others know nothing.
+    let ended = both(dir.path(), 20, &|rank, fake| fake.dies_in = (rank == 1).then_some(7));
+    assert!(
+        matches!(&ended[0], Err(TrainError::Peer { rank: 1, reason, .. }) if reason.contains("killed")),
+        "{ended:?}"
+    );
+    assert!(matches!(ended[1], Err(TrainError::Step(_))), "{ended:?}");
+    // What the first had learned is kept.
+    let saved = |dir: &Path| Saved::look(dir, &recipe(CONFIG).network_json).unwrap().unwrap().progress().step;
+    assert_eq!(saved(dir.path()), 7);
+    // In the last step the others are done, and ask no more.
+    let dir = tempfile::tempdir().unwrap();
+    let ended = both(dir.path(), 9, &|rank, fake| fake.dies_in = (rank == 1).then_some(9));
+    assert!(ended[0].as_ref().is_ok_and(|ended| ended.step == 9) && ended[1].is_err(), "{ended:?}");
+    assert_eq!(saved(dir.path()), 9);
+}
+
+#[test]
+fn a_process_that_is_stopped_stops_all_in_the_same_step() {
+    let dir = tempfile::tempdir().unwrap();
+    let ended = together(2, |peers| {
+        let text = CONFIG.replace("accumulate = 2", "accumulate = 1");
+        let mut session = Session::join(recipe(&text), dir.path(), peers).unwrap();
+        let mut fake = Fake::new(&session.recipe().config.group);
+        let stop = AtomicBool::new(false);
+        let options = RunOptions::new(20, &stop).peers(Some(peers));
+        run(&mut session, &mut fake, options, &mut |event| {
+            if let (1, Event::Step { figures, .. }) = (peers.rank(), event) {
+                stop.fetch_or(figures.step >= 6, Ordering::SeqCst);
+            }
+        })
+    });
+    let ended: Vec<Outcome> = ended.into_iter().map(Result::unwrap).collect();
+    assert!(ended.iter().all(|ended| ended.stopped && ended.step == 6), "{ended:?}");
+    assert!(both(dir.path(), 20, &|_, _| {}).iter().all(Result::is_ok));
+    assert!(bits(whole().path()) == bits(dir.path()));
+}
+
+#[test]
+fn processes_train_the_same_configuration() {
+    let dir = tempfile::tempdir().unwrap();
+    let joined = together(2, |peers| {
+        let text = if peers.rank() == 1 { CONFIG.replace("rate = 0.1", "rate = 0.2") } else { CONFIG.to_owned() };
+        Session::join(recipe(&text), dir.path(), peers).map(|_| ()).unwrap_err().to_string()
+    });
+    assert!(
+        joined.iter().all(|text| text.contains("process 1") && text.contains("another configuration")),
+        "{joined:?}"
+    );
 }
 
 #[test]
