@@ -62,6 +62,7 @@ fn a_right_scene_passes_and_is_drawn() {
     assert!(ran.out.contains("shared") && ran.out.contains("warp"), "{}", ran.out);
     assert!(ran.err.contains("1 of 1 scene(s) without a problem"), "{}", ran.err);
     assert!(image::open(sheets.join("00000.png")).is_ok() && sheets.join("index.html").is_file());
+    assert!(image::open(sheets.join("overview.png")).is_ok(), "many scenes in one picture");
 }
 
 #[test]

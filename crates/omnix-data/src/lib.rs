@@ -35,4 +35,4 @@ pub use read::{ReadOptions, read};
 pub use sample::{Dense, Flag, Motion, PIXEL, Sample, SampleParts, Time, Tracks, Unit};
 pub use scene::{Pick, Scene, Video, View};
 pub use set::Set;
-pub use sheet::sheet;
+pub use sheet::{Overview, sheet};

@@ -16,17 +16,17 @@ const COLUMNS: usize = 8;
 /// Paths per image.
 const PATHS: usize = 120;
 const GAP: usize = 4;
+/// Scenes of an overview, at most, and side by side.
+const SCENES: usize = 24;
+const ACROSS: usize = 4;
 
 /// Draws the sheet of a sample.
 #[must_use]
 pub fn sheet(sample: &Sample) -> Picture {
     let count = sample.count();
     let shown: Vec<usize> = (0..count.min(COLUMNS)).map(|k| k * count / count.min(COLUMNS)).collect();
-    let [width, height] = sample.size().map(|side| side as usize);
-    // Whole pixels are left out, none are made.
-    let every = width.div_ceil(TILE).max(1);
-    let (wide, high) = (width.div_ceil(every), height.div_ceil(every));
-    let tiles = Tiles { sample, every, wide, high };
+    let tiles = Tiles::of(sample);
+    let (wide, high) = (tiles.wide, tiles.high);
     let mut rows: Vec<Vec<Vec<[u8; 3]>>> = vec![shown.iter().map(|image| tiles.picture(*image)).collect()];
     if sample.parts().depth.is_some() {
         let range = inverse_range(sample);
@@ -38,7 +38,12 @@ pub fn sheet(sample: &Sample) -> Picture {
     if *sample.motion() != Motion::Unknown {
         rows.push(shown.iter().map(|image| tiles.paths(*image)).collect());
     }
-    let across = shown.len() * (wide + GAP) + GAP;
+    grid(&rows, [wide, high])
+}
+
+/// Rows of tiles of one size, the first row the longest.
+fn grid(rows: &[Vec<Vec<[u8; 3]>>], [wide, high]: [usize; 2]) -> Picture {
+    let across = rows.first().map_or(0, Vec::len) * (wide + GAP) + GAP;
     let down = rows.len() * (high + GAP) + GAP;
     let mut data = vec![24u8; across * down * 3];
     for (r, row) in rows.iter().enumerate() {
@@ -50,6 +55,38 @@ pub fn sheet(sample: &Sample) -> Picture {
         }
     }
     Picture::new(across as u32, down as u32, data)
+}
+
+/// Many scenes in one picture: of each an image, and its depth below it.
+#[derive(Debug, Clone, Default)]
+pub struct Overview {
+    size: [usize; 2],
+    /// Picture and depth.
+    scenes: Vec<[Vec<[u8; 3]>; 2]>,
+}
+
+impl Overview {
+    /// Adds the middle image of a sample. A sample without depth, one whose tile has another size than the first one's, and what is more
+    /// than 24 scenes are left out.
+    pub fn add(&mut self, sample: &Sample) {
+        let tiles = Tiles::of(sample);
+        if self.scenes.is_empty() {
+            self.size = [tiles.wide, tiles.high];
+        }
+        let fits = self.size == [tiles.wide, tiles.high] && sample.parts().depth.is_some();
+        if fits && self.scenes.len() < SCENES {
+            let image = sample.count() / 2;
+            self.scenes.push([tiles.picture(image), tiles.depth(image, inverse_range(sample))]);
+        }
+    }
+
+    /// The picture; none without a scene.
+    #[must_use]
+    pub fn picture(&self) -> Option<Picture> {
+        let kind = |scenes: &[[Vec<[u8; 3]>; 2]], k: usize| scenes.iter().map(|tiles| tiles[k].clone()).collect();
+        let rows: Vec<_> = self.scenes.chunks(ACROSS).flat_map(|scenes| [kind(scenes, 0), kind(scenes, 1)]).collect();
+        (!rows.is_empty()).then(|| grid(&rows, self.size))
+    }
 }
 
 /// The 2nd and 98th percentile of inverse depth.
@@ -70,7 +107,14 @@ struct Tiles<'a> {
     high: usize,
 }
 
-impl Tiles<'_> {
+impl<'a> Tiles<'a> {
+    fn of(sample: &'a Sample) -> Self {
+        let [width, height] = sample.size().map(|side| side as usize);
+        // Whole pixels are left out, none are made.
+        let every = width.div_ceil(TILE).max(1);
+        Self { sample, every, wide: width.div_ceil(every), high: height.div_ceil(every) }
+    }
+
     /// The pixels of a tile, of each the pixel of the image.
     fn pixels(&self) -> impl Iterator<Item = usize> {
         let width = self.sample.size()[0] as usize;
@@ -204,6 +248,28 @@ mod tests {
         let depth = tile(&picture, 0, 1, [56, 28]);
         let nearest = (0..56 * 28).min_by(|a, b| sample.depth(0).unwrap()[*a].total_cmp(&sample.depth(0).unwrap()[*b]));
         assert!(depth[nearest.unwrap()][0] > depth[nearest.unwrap()][2]);
+    }
+
+    #[test]
+    fn an_overview_has_a_picture_over_its_depth() {
+        let mut overview = Overview::default();
+        assert!(overview.picture().is_none());
+        let sample = made::video([56, 28], 3);
+        for _ in 0..5 {
+            overview.add(&sample);
+        }
+        // Another size, and no depth.
+        overview.add(&made::video([28, 28], 3));
+        let mut parts = sample.clone().into_parts();
+        parts.depth = None;
+        overview.add(&Sample::new(parts).unwrap());
+        let picture = overview.picture().unwrap();
+        assert_eq!([picture.width, picture.height], [4 * 60 + 4, 4 * 32 + 4]);
+        assert_eq!(tile(&picture, 0, 2, [56, 28]).as_flattened(), sample.image(1));
+        assert_eq!(tile(&picture, 3, 1, [56, 28]), tile(&sheet(&sample), 1, 1, [56, 28]));
+        assert!(tile(&picture, 1, 2, [56, 28]).iter().all(|pixel| *pixel == [24; 3]), "nothing");
+        (0..40).for_each(|_| overview.add(&sample));
+        assert_eq!(overview.picture().unwrap().height, 12 * 32 + 4);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use omnix_data::check::{self, CheckOptions, SceneReport};
-use omnix_data::{DataError, Set, sets, sheet};
+use omnix_data::{DataError, Overview, Set, sets, sheet};
 use serde_json::{Value, json};
 
 use crate::error::CliError;
@@ -32,7 +32,8 @@ pub(crate) struct CheckArgs {
     /// Images of each scene that are looked at, at most.
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=256))]
     images: u16,
-    /// Writes a contact sheet of each scene into this folder, and a page of them, index.html.
+    /// Writes a contact sheet of each scene into this folder, a page of them, index.html, and overview.png: up to 24 scenes, of each a
+    /// picture over its depth.
     #[arg(long, value_name = "DIR")]
     sheets: Option<PathBuf>,
     /// One JSON object per scene on standard output, and one with the totals.
@@ -71,6 +72,7 @@ struct Totals {
     unreadable: usize,
     kinds: BTreeMap<&'static str, usize>,
     pages: Vec<(SceneReport, Option<String>)>,
+    overview: Overview,
 }
 
 fn check_all(args: &CheckArgs, ui: &mut Ui) -> Result<(), CliError> {
@@ -82,7 +84,7 @@ fn check_all(args: &CheckArgs, ui: &mut Ui) -> Result<(), CliError> {
         if stop::asked() {
             break;
         }
-        match check_one(folder, index, args) {
+        match check_one(folder, index, args, &mut totals.overview) {
             Ok(done) => tell(done, &mut totals, ui)?,
             // With one scene, its error is that of the command.
             Err(error) if scenes.len() == 1 => return Err(error.into()),
@@ -99,6 +101,9 @@ fn check_all(args: &CheckArgs, ui: &mut Ui) -> Result<(), CliError> {
     ui.end();
     if let Some(sheets) = &args.sheets {
         check::write_page(&totals.pages, &sheets.join("index.html"))?;
+        if let Some(overview) = totals.overview.picture() {
+            check::write_sheet(&overview, &sheets.join("overview.png"))?;
+        }
     }
     let Totals { good, wrong, unreadable, kinds, .. } = totals;
     let looked_at = good + wrong + unreadable;
@@ -117,13 +122,19 @@ fn check_all(args: &CheckArgs, ui: &mut Ui) -> Result<(), CliError> {
 }
 
 /// Checks one scene, and draws its sheet if asked to.
-fn check_one(folder: &Path, index: usize, args: &CheckArgs) -> Result<(SceneReport, Option<String>), DataError> {
+fn check_one(
+    folder: &Path,
+    index: usize,
+    args: &CheckArgs,
+    overview: &mut Overview,
+) -> Result<(SceneReport, Option<String>), DataError> {
     let scene = sets::open(folder, args.set)?;
     let options = CheckOptions { images: usize::from(args.images), ..CheckOptions::default() };
     let (sample, report) = check::check_scene(scene.as_ref(), &options)?;
     let Some(sheets) = &args.sheets else {
         return Ok((report, None));
     };
+    overview.add(&sample);
     let name = format!("{index:05}.png");
     check::write_sheet(&sheet(&sample), &sheets.join(&name))?;
     Ok((report, Some(name)))
