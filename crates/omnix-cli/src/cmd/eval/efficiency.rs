@@ -13,7 +13,6 @@ use omnix_eval::table::{Column, Protocol, Report, Row};
 use crate::args::{self, DeviceArgs};
 use crate::error::CliError;
 use crate::memory;
-use crate::stop;
 use crate::ui::Ui;
 
 /// Arguments of `omnix eval efficiency`.
@@ -103,9 +102,6 @@ fn row(args: &EfficiencyArgs, engine: &Engine, weights: &Weights, count: usize) 
     let noise: Vec<f32> = (0..3 * width * height).map(|i| ((i * 7919) % 1009) as f32 / 504.5 - 1.0).collect();
     let mut seconds = Vec::with_capacity(args.runs as usize);
     for run in 0..=args.runs {
-        if stop::asked() {
-            return Err(omnix::OmnixError::Interrupted.into());
-        }
         let before = Instant::now();
         for image in 0..count {
             session.set_image(image, &noise)?;

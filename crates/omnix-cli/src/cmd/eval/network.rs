@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use omnix::io::Picture;
 use omnix::io::preprocess::normalise;
-use omnix::{Engine, Event, OmnixError, Pixels, Query, Request, RunPlan, Session, Weights};
+use omnix::{Engine, Event, Pixels, Query, Request, RunPlan, Session, Weights};
 use omnix_data::{Pick, ReadOptions, Sample, Set, read, sets};
 use omnix_eval::network::{Answer, Figures, Motion, Score, score};
 use omnix_eval::table::Report;
@@ -14,7 +14,6 @@ use omnix_scenes::{VALIDATION_SAMPLES, validation};
 use crate::args::{self, DeviceArgs};
 use crate::cmd::data::set_of;
 use crate::error::CliError;
-use crate::stop;
 use crate::ui::Ui;
 
 /// Arguments of `omnix eval network`.
@@ -71,9 +70,6 @@ pub(crate) fn evaluate(args: &NetworkArgs, ui: &mut Ui) -> Result<Report, CliErr
     let mut figures = Figures::default();
     ui.begin("network", &format!("{count} sample(s) of {}x{}", size[0], size[1]));
     for number in 0..count {
-        if stop::asked() {
-            return Err(OmnixError::Interrupted.into());
-        }
         let (name, sample) = match &samples {
             Samples::Made(samples) => (number.to_string(), samples.get(number).map_err(CliError::from)),
             Samples::Disk(scenes, set) => {
