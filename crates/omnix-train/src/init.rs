@@ -18,8 +18,8 @@
 //! | other biases | 0 |
 //!
 //! timm starts every block with a deviation of 0.02 and PyTorch every convolution in ±1/√inputs, of a transposed one by the inputs that it
-//! would have if it were none. At the release's width the first is the same; at a width of 192 a block adds a tenth of its input, and a DPT head keeps
-//! a few thousandths of its finest features, so that depth stays the same everywhere for thousands of steps (benches/log/2026-11-30-learning.md).
+//! would have if it were none. At the release's width the first is the same; narrow networks fit what they see again and again later with
+//! these (benches/log/2026-11-30-learning.md).
 //!
 //! From a checkpoint: what fits. Of a Depth Anything 3 checkpoint (`spec/omnix.md` 1.2) `head.*` is also the start of `offset_head.*`,
 //! but for the ray branch (`aux`) and the last layer. What does not fit starts from the seed.
