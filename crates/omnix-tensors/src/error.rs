@@ -29,11 +29,13 @@ pub enum TensorError {
         source: io::Error,
     },
 
-    /// A PyTorch pickle: `.pt`, `.pth`, `.ckpt` or `.bin`.
-    #[error("a PyTorch checkpoint cannot be read directly; convert it to safetensors (names unchanged) first: {}", path.display())]
+    /// A checkpoint of PyTorch that is refused.
+    #[error("this PyTorch checkpoint cannot be read: {reason}: {}", path.display())]
     PyTorch {
         /// The file.
         path: PathBuf,
+        /// Why, and the cure.
+        reason: String,
     },
 
     /// The bytes are something else.

@@ -1,4 +1,4 @@
-//! One safetensors file: its header and its bytes. Knows neither a configuration nor prefixes.
+//! One file of tensors, of safetensors or of PyTorch: its header and its bytes. Knows neither a configuration nor prefixes.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -12,13 +12,15 @@ use crate::header;
 use crate::info::{Header, TensorInfo};
 use crate::mapping::Bytes;
 use crate::view::TensorView;
-use crate::{Dtype, Float, TensorError};
+use crate::{Dtype, Float, TensorError, pytorch};
 
-/// A safetensors file, mapped or in memory. Tensors are found by their full names.
+/// A safetensors file or a checkpoint of PyTorch, mapped or in memory. Tensors are found by their full names.
 #[derive(Debug)]
 pub struct TensorFile {
     bytes: Bytes,
     header: Header,
+    /// Tensors that do not lie in order in the file; their ranges begin where the file ends.
+    ordered: Vec<u8>,
     path: PathBuf,
 }
 
@@ -27,7 +29,7 @@ impl TensorFile {
     /// access. Replacing it by renaming another over it is harmless.
     ///
     /// # Errors
-    /// When the file is absent, unreadable, something other than safetensors, or of another length than its header says.
+    /// When the file is absent, unreadable, neither safetensors nor a checkpoint of PyTorch, or of another length than it says.
     pub fn open(path: &Path) -> Result<Self, TensorError> {
         Self::new(Bytes::map(path)?, path)
     }
@@ -41,10 +43,14 @@ impl TensorFile {
     }
 
     fn new(bytes: Bytes, path: &Path) -> Result<Self, TensorError> {
+        if pytorch::is_archive(&bytes) {
+            let pytorch::Checkpoint { header, ordered } = pytorch::read(&bytes, path)?;
+            return Ok(Self { bytes, header, ordered, path: path.to_owned() });
+        }
         let total = bytes.len() as u64;
         let length = header::length(&bytes[..bytes.len().min(header::START)], total, path)?;
         let header = header::parse(&bytes[8..8 + length], total, path)?;
-        Ok(Self { bytes, header, path: path.to_owned() })
+        Ok(Self { bytes, header, ordered: Vec::new(), path: path.to_owned() })
     }
 
     /// The tensors by full name, in the order of their names.
@@ -77,32 +83,45 @@ impl TensorFile {
             wanted: "F32, F16, BF16 or F64",
             path: self.path.clone(),
         })?;
-        Ok(TensorView { shape: &info.shape, dtype, bytes: &self.bytes[info.range.clone()] })
+        Ok(TensorView { shape: &info.shape, dtype, bytes: self.at(info.range.clone()) })
     }
 
     /// The bytes of a tensor of any type, as stored.
     #[must_use]
     pub fn tensor_bytes(&self, name: &str) -> Option<&[u8]> {
-        self.info(name).map(|info| &self.bytes[info.range.clone()])
+        self.info(name).map(|info| self.at(info.range.clone()))
     }
 
     /// Gives back the memory that reading a tensor took, where the file is mapped; a later access reads the file again.
     pub fn release(&self, name: &str) {
-        if let Some(info) = self.info(name) {
+        if let Some(info) = self.info(name).filter(|info| info.range.end <= self.bytes.len()) {
             self.bytes.release(info.range.clone());
         }
     }
 
+    /// Bytes of the file, or beyond its end those that were put in order.
+    fn at(&self, range: Range<usize>) -> &[u8] {
+        match range.start.checked_sub(self.bytes.len()) {
+            Some(start) if !self.ordered.is_empty() => &self.ordered[start..][..range.len()],
+            _ => &self.bytes[range],
+        }
+    }
+
     /// The whole file in pieces of its bytes in order, with the parts of tensors that lie in each. No element is cut, and what a
-    /// piece took in memory is given back when it is done, so that the file is read once and never lies in memory whole.
+    /// piece took in memory is given back when it is done, so that the file is read once and never lies in memory whole. Tensors that
+    /// were put in order come last, in pieces without bytes of the file.
     ///
     /// # Errors
     /// What `each` breaks off with.
     pub fn in_pieces<B>(&self, each: &mut dyn FnMut(&Piece<'_>) -> ControlFlow<B>) -> ControlFlow<B> {
-        for (range, parts) in pieces(&self.header, self.bytes.len()) {
-            let piece = Piece { bytes: &self.bytes[range.clone()], start: range.start, parts };
-            each(&piece)?;
-            self.bytes.release(range);
+        let total = self.bytes.len();
+        for (range, parts) in pieces(&self.header, total, total + self.ordered.len()) {
+            let numbers = self.at(range.clone());
+            let in_file = range.start < total;
+            each(&Piece { bytes: if in_file { numbers } else { &[] }, numbers, start: range.start, parts })?;
+            if in_file {
+                self.bytes.release(range);
+            }
         }
         ControlFlow::Continue(())
     }
@@ -123,12 +142,14 @@ impl TensorFile {
 /// Bytes of a piece at most, unless an element alone is more.
 const PIECE: usize = 16 << 20;
 
-/// Neighbouring bytes of a file.
+/// Neighbouring bytes of a file, or of tensors that were put in order.
 #[derive(Debug)]
 pub struct Piece<'a> {
-    /// All of them.
+    /// Those of the file; none of tensors that were put in order.
     pub bytes: &'a [u8],
-    /// Where they begin in the file.
+    /// Those that the parts lie in.
+    numbers: &'a [u8],
+    /// Where they begin.
     start: usize,
     parts: Vec<Part<'a>>,
 }
@@ -155,7 +176,7 @@ impl Piece<'_> {
         let examine = |&(part, dtype, start): &(&Part<'_>, Float, usize)| {
             let range = start..part.range.end.min(start + SHARE);
             let before = (start - part.info.range.start) / dtype.size();
-            let found = convert::examine(dtype, &self.bytes[range.start - self.start..range.end - self.start]);
+            let found = convert::examine(dtype, &self.numbers[range.start - self.start..range.end - self.start]);
             Findings::default().and(before, found)
         };
         let found: Vec<Findings> = shares.par_iter().map(examine).collect();
@@ -168,37 +189,49 @@ impl Piece<'_> {
     }
 }
 
-/// Cuts a file of `total` bytes into pieces; the header is part of the first.
-fn pieces(header: &Header, total: usize) -> Vec<(Range<usize>, Vec<Part<'_>>)> {
-    let mut all: Vec<(Range<usize>, Vec<Part<'_>>)> = Vec::new();
-    let mut current = (0..0, Vec::new());
-    let tensors = header.in_file_order();
-    // The header's own bytes, in whole pieces but for the last.
-    let data = tensors.first().map_or(total, |(_, info)| info.range.start);
-    for start in (0..data).step_by(PIECE) {
-        let end = data.min(start + PIECE);
-        if current.0.end > 0 {
-            all.push(std::mem::replace(&mut current, (start..start, Vec::new())));
-        }
-        current.0.end = end;
+/// Cuts a file of `total` bytes, and what lies behind it up to `end`, into pieces. Bytes that belong to no tensor, such as those of a
+/// header, are part of them.
+fn pieces(header: &Header, total: usize, end: usize) -> Vec<(Range<usize>, Vec<Part<'_>>)> {
+    let mut cutter = Cutter { total, done: Vec::new(), range: 0..0, parts: Vec::new() };
+    for (name, info) in header.in_file_order() {
+        cutter.add(info.range.start, 1, None);
+        cutter.add(info.range.end, info.known().map_or(1, Dtype::size), Some((name, info)));
     }
-    for (name, info) in tensors {
-        let size = info.known().map_or(1, Dtype::size);
-        let mut at = info.range.start;
-        while at < info.range.end {
-            let room = PIECE.saturating_sub(current.0.len()) / size * size;
-            if room == 0 {
-                all.push(std::mem::replace(&mut current, (at..at, Vec::new())));
+    cutter.add(end, 1, None);
+    cutter.cut();
+    cutter.done
+}
+
+/// Pieces that are done, and the one that is being filled.
+struct Cutter<'a> {
+    total: usize,
+    done: Vec<(Range<usize>, Vec<Part<'a>>)>,
+    range: Range<usize>,
+    parts: Vec<Part<'a>>,
+}
+
+impl<'a> Cutter<'a> {
+    /// Adds the bytes up to `to`, which consist of elements of `size` bytes.
+    fn add(&mut self, to: usize, size: usize, tensor: Option<(&'a str, &'a TensorInfo)>) {
+        while self.range.end < to {
+            let room = PIECE.saturating_sub(self.range.len()) / size * size;
+            // No piece goes on behind the end of the file.
+            if room == 0 || (self.range.end == self.total && self.range.start < self.total) {
+                self.cut();
                 continue;
             }
-            let end = info.range.end.min(at + room);
-            current.1.push(Part { name, info, range: at..end });
-            current.0.end = end;
-            at = end;
+            let range = self.range.end..to.min(self.range.end + room);
+            self.range.end = range.end;
+            self.parts.extend(tensor.map(|(name, info)| Part { name, info, range }));
         }
     }
-    all.push(current);
-    all
+
+    fn cut(&mut self) {
+        if !self.range.is_empty() {
+            let next = self.range.end..self.range.end;
+            self.done.push((std::mem::replace(&mut self.range, next), std::mem::take(&mut self.parts)));
+        }
+    }
 }
 
 #[cfg(test)]

@@ -11,12 +11,12 @@
 use std::path::Path;
 
 use crate::info::Header;
-use crate::{TensorError, entries};
+use crate::{TensorError, entries, pytorch};
 
 /// The format's own limit on the header, in bytes.
 const MAX_HEADER: u64 = 100_000_000;
 /// Bytes from the start of a file that tell whether it can be one.
-pub(crate) const START: usize = 32;
+pub(crate) const START: usize = 512;
 
 /// The length of the JSON text, from the first bytes ([`START`], or all) of a file of `total` bytes.
 pub(crate) fn length(start: &[u8], total: u64, path: &Path) -> Result<usize, TensorError> {
@@ -50,11 +50,19 @@ fn recognise_others(bytes: &[u8], path: &Path) -> Result<(), TensorError> {
     if bytes.get(8) == Some(&b'{') {
         return Ok(());
     }
-    // A zip archive (torch.save since 1.6) or a bare pickle of protocol 2 (before).
-    if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"\x80\x02") {
-        return Err(TensorError::PyTorch { path: path.to_owned() });
+    // The protocol of a bare pickle, which files began with before version 1.6; other protocols do not occur there.
+    if bytes.starts_with(b"\x80\x02") {
+        let reason = "it was saved by a PyTorch before 1.6, or as such; load and save it again in Python".to_owned();
+        return Err(TensorError::PyTorch { path: path.to_owned(), reason });
     }
-    let reason = if bytes.is_empty() {
+    if bytes.get(257..262) == Some(b"ustar") {
+        let reason =
+            "it is a tar archive, as PyTorch before 0.2 saved them; load and save it again in Python".to_owned();
+        return Err(TensorError::PyTorch { path: path.to_owned(), reason });
+    }
+    let reason = if pytorch::is_archive(bytes) {
+        "it is a zip archive"
+    } else if bytes.is_empty() {
         "it is empty"
     } else if bytes.starts_with(b"version https://git-lfs") {
         "it is a git-lfs pointer: run git lfs pull"

@@ -219,7 +219,9 @@ fn told(error: TensorError) -> IoError {
         }
         TensorError::NotPlain { found, path } => IoError::NotAField { reason: format!("it is {found}"), path },
         TensorError::NotSafetensors { reason, path } => IoError::NotAField { reason, path },
-        TensorError::PyTorch { path } => IoError::NotAField { reason: "it is a PyTorch checkpoint".to_owned(), path },
+        TensorError::PyTorch { path, .. } => {
+            IoError::NotAField { reason: "it is a PyTorch checkpoint".to_owned(), path }
+        }
         TensorError::BadHeader { tensor: name, reason, path } => tensor(name, format!("is damaged: {reason}"), path),
         TensorError::OutOfTurn { tensor: name, reason, path } => tensor(name, reason, path),
         TensorError::Missing { tensor: name, path } => tensor(name, "is missing".to_owned(), path),
