@@ -1,4 +1,4 @@
-//! Shared by all test binaries: the device and its families of variants, trials, cases, an interpreter of graphs, losses, seeded
+//! Shared by all test binaries: the device and its families of variants, trials, cases, an interpreter of graphs, losses, PyTorch files, seeded
 //! numbers, comparison.
 
 pub mod cases;
@@ -6,6 +6,7 @@ pub mod compare;
 pub mod family;
 pub mod interpret;
 pub mod losses;
+pub mod pytorch;
 pub mod rng;
 pub mod trials;
 

@@ -8,5 +8,6 @@ mod corrupt;
 mod fixture;
 mod open;
 mod prefix;
+mod pytorch;
 mod verify;
 mod writer;

@@ -119,13 +119,17 @@ fn missing_things_are_named() {
     let error = open(folder.path());
     assert!(matches!(&error, WeightsError::NoWeights { found, .. } if found.is_empty()), "{error}");
 
+    // A checkpoint of PyTorch is taken where it is the only file of tensors.
     std::fs::write(folder.path().join("last.ckpt"), b"PK\x03\x04").unwrap();
     let error = open(folder.path());
     assert!(
-        matches!(&error, WeightsError::Tensors(TensorError::PyTorch { path }) if path.ends_with("last.ckpt")),
+        matches!(&error, WeightsError::Tensors(TensorError::PyTorch { path, .. }) if path.ends_with("last.ckpt")),
         "{error}"
     );
     assert!(matches!(open(&folder.path().join("last.ckpt")), WeightsError::Tensors(TensorError::PyTorch { .. })));
+    std::fs::write(folder.path().join("first.pt"), b"PK\x03\x04").unwrap();
+    let message = open(folder.path()).to_string();
+    assert!(message.contains("first.pt, last.ckpt"), "{message}");
 
     std::fs::write(folder.path().join("case.safetensors"), one("")).unwrap();
     let message = open(folder.path()).to_string();

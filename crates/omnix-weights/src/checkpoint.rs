@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use omnix_tensors::{Findings, TensorFile, TensorInfo, TensorView};
-use serde_json::Value;
+use omnix_tensors::{Dtype, Findings, TensorFile, TensorInfo, TensorView};
+use serde_json::{Value, json};
 
 use crate::locate::{self, Weights};
 use crate::verify::{Verification, Verified};
-use crate::{WeightsError, config, names};
+use crate::{WeightsError, config, known, names};
 
 /// A network's configuration and its weights, in one file or in shards.
 #[derive(Debug)]
@@ -23,22 +23,25 @@ pub struct Checkpoint {
     prefix: String,
     name: String,
     path: PathBuf,
+    /// What it was taken for without a configuration.
+    taken_for: Option<&'static str>,
     verification: Verification,
 }
 
 impl Checkpoint {
-    /// Opens a folder with `config.json` and `model.safetensors` (or `model.safetensors.index.json` and its shards), or a
-    /// `.safetensors` or index file with `config.json` beside it.
+    /// Opens a folder with `config.json` and `model.safetensors` (or `model.safetensors.index.json` and its shards, or one checkpoint
+    /// of PyTorch), or such a file with `config.json` beside it. Without a `config.json`, published networks are known by their
+    /// tensors ([`Checkpoint::taken_for`]).
     ///
     /// The weights are mapped, not read. Do not shorten the files while the checkpoint is open: the system then ends the
     /// process at the next access. Replacing a file by renaming another over it is harmless.
     ///
     /// # Errors
-    /// Files that are absent, truncated, not safetensors (PyTorch files are named as such), or a configuration that is
+    /// Files that are absent, truncated, neither safetensors nor a checkpoint of PyTorch, or a configuration that is
     /// no JSON object. Tensors of types that cannot be used are no error before they are asked for.
     pub fn open(path: &Path) -> Result<Self, WeightsError> {
         let located = locate::locate(path)?;
-        // The weights first: "a PyTorch file" says more than "no config.json beside it".
+        // The weights first: what is wrong with them says more than "no config.json beside it".
         let (files, index) = match located.weights {
             Weights::Single(file) => {
                 let file = TensorFile::open(&file)?;
@@ -47,8 +50,16 @@ impl Checkpoint {
             }
             Weights::Sharded { index, map } => open_shards(&index, &map)?,
         };
-        let config = config::read_config(&located.config)?;
-        Ok(Self::assemble(config, files, index, name_of(path), path.to_owned()))
+        match config::read_config(&located.config) {
+            Ok(config) => Ok(Self::assemble(config, files, index, name_of(path), path.to_owned())),
+            Err(missing @ WeightsError::ConfigMissing { .. }) => {
+                let mut found = Self::assemble(json!({}), files, index, name_of(path), path.to_owned());
+                let (config, name) = known::configuration(&found).ok_or(missing)?;
+                (found.config, found.taken_for) = (config, Some(name));
+                Ok(found)
+            }
+            Err(error) => Err(error),
+        }
     }
 
     /// Takes a configuration and a whole safetensors file from memory, for a default embedded in a program. `name` is
@@ -79,7 +90,23 @@ impl Checkpoint {
         let stored: Vec<&str> = index.keys().map(String::as_str).collect();
         let prefix = names::detect_prefix(configured, &stored).or(configured).unwrap_or("").to_owned();
         let name = config.get("model_name").and_then(Value::as_str).map_or(name, str::to_owned);
-        Self { config, files, index, metadata, prefix, name, path, verification: Verification::default() }
+        Self {
+            config,
+            files,
+            index,
+            metadata,
+            prefix,
+            name,
+            path,
+            taken_for: None,
+            verification: Verification::default(),
+        }
+    }
+
+    /// The published network that it was taken for by its tensors, where no configuration was beside it.
+    #[must_use]
+    pub const fn taken_for(&self) -> Option<&'static str> {
+        self.taken_for
     }
 
     /// The parsed `config.json`, always an object.
@@ -186,6 +213,12 @@ impl Checkpoint {
     /// All stored tensors by full name, in the order of their names.
     pub fn tensors(&self) -> impl Iterator<Item = (&str, &TensorInfo)> {
         self.index.keys().filter_map(|full| Some((full.as_str(), self.info_stored(full)?)))
+    }
+
+    /// The file, the bytes and the type of a tensor of a known type, by its full name.
+    pub(crate) fn stored(&self, full: &str) -> Option<(&TensorFile, &[u8], Dtype)> {
+        let file = &self.files[*self.index.get(full)?];
+        Some((file, file.tensor_bytes(full)?, file.info(full)?.known()?))
     }
 
     fn info_stored(&self, full: &str) -> Option<&TensorInfo> {

@@ -9,11 +9,8 @@ const SIZES: [(usize, usize, &str); 4] =
 /// Says what a checkpoint seems to be, such as `Depth Anything 3, any-view, width 384, 12 blocks (small)`.
 #[must_use]
 pub fn describe(checkpoint: &Checkpoint) -> String {
-    let has = |start: &str| {
-        let start = format!("{}{start}", checkpoint.key_prefix());
-        checkpoint.tensors().any(|(name, _)| name.starts_with(&start))
-    };
-    let Some(width) = checkpoint.info("backbone.pretrained.cls_token").and_then(|t| t.shape.last().copied()) else {
+    let has = |part: &str| has_part(checkpoint, part);
+    let Some(width) = width(checkpoint) else {
         return unknown(checkpoint);
     };
     let blocks = count_blocks(checkpoint);
@@ -31,9 +28,25 @@ pub fn describe(checkpoint: &Checkpoint) -> String {
     } else {
         ""
     };
-    let size = SIZES.iter().find(|(w, b, _)| (*w, *b) == (width, blocks)).map(|(.., name)| format!(" ({name})"));
+    let size = published_size(checkpoint).map(|name| format!(" ({name})"));
     let gaussian = if has("gs_head.") { ", with a Gaussian head" } else { "" };
     format!("{family}{kind}, width {width}, {blocks} blocks{}{gaussian}", size.unwrap_or_default())
+}
+
+/// The size of the published network that has this width and number of blocks, if one has.
+pub(crate) fn published_size(checkpoint: &Checkpoint) -> Option<&'static str> {
+    let found = (width(checkpoint)?, count_blocks(checkpoint));
+    SIZES.iter().find(|(width, blocks, _)| (*width, *blocks) == found).map(|(.., name)| *name)
+}
+
+/// Whether there are tensors whose logical names begin like this.
+pub(crate) fn has_part(checkpoint: &Checkpoint, part: &str) -> bool {
+    let start = format!("{}{part}", checkpoint.key_prefix());
+    checkpoint.tensors().any(|(name, _)| name.starts_with(&start))
+}
+
+fn width(checkpoint: &Checkpoint) -> Option<usize> {
+    checkpoint.info("backbone.pretrained.cls_token")?.shape.last().copied()
 }
 
 fn count_blocks(checkpoint: &Checkpoint) -> usize {

@@ -11,10 +11,15 @@ use crate::report::CheckReport;
 #[non_exhaustive]
 pub enum WeightsError {
     /// Nothing is at the path given.
-    #[error("no checkpoint there: give a folder with config.json and model.safetensors, or a .safetensors file: {}", path.display())]
+    #[error(
+        "no checkpoint there: give a folder with config.json and model.safetensors, or a .safetensors, .pt, .pth or .ckpt file{}: {}",
+        not_cached(.looked), path.display()
+    )]
     NotFound {
         /// The path as given.
         path: PathBuf,
+        /// The folder of the hub's cache where a repository of that name would be.
+        looked: Option<PathBuf>,
     },
 
     /// The folder holds no file of the expected name.
@@ -22,12 +27,12 @@ pub enum WeightsError {
     NoWeights {
         /// The folder.
         path: PathBuf,
-        /// Other safetensors files in it, by name; one of them may be given instead of the folder.
+        /// Other files of tensors in it, by name; one of them may be given instead of the folder.
         found: Vec<String>,
     },
 
-    /// `config.json` is not beside the weights.
-    #[error("config.json is missing; the checkpoint's own config.json belongs beside its weights: {}", path.display())]
+    /// `config.json` is not beside the weights, and their tensors are not those of a published network that can be told by them.
+    #[error("config.json is missing, and the tensors alone do not say which network it is; the checkpoint's own config.json belongs beside its weights: {}", path.display())]
     ConfigMissing {
         /// Where the file was expected.
         path: PathBuf,
@@ -83,6 +88,17 @@ pub enum WeightsError {
         path: PathBuf,
     },
 
+    /// A checkpoint where another is to be written.
+    #[error("a checkpoint is there already; give a folder without one: {}", path.display())]
+    InTheWay {
+        /// The file that is there.
+        path: PathBuf,
+    },
+
+    /// Whoever was told of the progress broke off.
+    #[error("interrupted")]
+    Interrupted,
+
     /// The tensors are not those of the expected network.
     #[error("the weights do not fit their configuration: {report}")]
     Mismatch {
@@ -99,6 +115,13 @@ impl CheckReport {
     pub fn into_result(self) -> Result<Self, WeightsError> {
         if self.is_usable() { Ok(self) } else { Err(WeightsError::Mismatch { report: Box::new(self) }) }
     }
+}
+
+fn not_cached(looked: &Option<PathBuf>) -> String {
+    let looked = looked.as_ref().map(|folder| {
+        format!(" (or download that repository of the Hugging Face hub: it is not in {})", folder.display())
+    });
+    looked.unwrap_or_default()
 }
 
 fn found_files(found: &[String]) -> String {

@@ -1,18 +1,16 @@
-//! Finds the files of a checkpoint: one safetensors file, or the shards of an index, and `config.json`.
+//! Finds the files of a checkpoint: one file of safetensors or of PyTorch, or the shards of an index, and `config.json`.
 //!
 //! `model.safetensors.index.json` is `{"weight_map": {tensor name: file name}}`; the shards lie beside it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
-use omnix_tensors::TensorError;
-
-use crate::{WeightsError, config};
+use crate::{WeightsError, config, hub};
 
 /// The single file of an unsharded checkpoint.
-const SINGLE: &str = "model.safetensors";
+pub(crate) const SINGLE: &str = "model.safetensors";
 /// The index of a sharded one.
-const INDEX: &str = "model.safetensors.index.json";
+pub(crate) const INDEX: &str = "model.safetensors.index.json";
 /// Endings of PyTorch's own files.
 const PYTORCH: [&str; 4] = ["pt", "pth", "ckpt", "bin"];
 
@@ -34,13 +32,18 @@ pub(crate) enum Weights {
     },
 }
 
-/// Finds the files for a folder, a safetensors file or an index file.
+/// Finds the files for a folder, a file of tensors, an index file, or the name of a repository in the hub's cache.
 pub(crate) fn locate(path: &Path) -> Result<Located, WeightsError> {
     if path.is_dir() {
         return locate_folder(path);
     }
     if !path.exists() {
-        return Err(WeightsError::NotFound { path: path.to_owned() });
+        let not_found = |looked| WeightsError::NotFound { path: path.to_owned(), looked };
+        return match path.to_str().and_then(hub::find) {
+            Some(Ok(folder)) => locate_folder(&folder),
+            Some(Err(folder)) => Err(not_found(Some(folder))),
+            None => Err(not_found(None)),
+        };
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let is_index = path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(".index.json"));
@@ -69,13 +72,14 @@ fn locate_folder(folder: &Path) -> Result<Located, WeightsError> {
         if extension == "safetensors" {
             found.insert(name.to_string_lossy().into_owned());
         } else if PYTORCH.contains(&extension.as_str()) {
-            pytorch.insert(name);
+            pytorch.insert(name.to_string_lossy().into_owned());
         }
     }
-    match pytorch.first() {
-        Some(name) if found.is_empty() => Err(TensorError::PyTorch { path: folder.join(name) }.into()),
-        _ => Err(WeightsError::NoWeights { path: folder.to_owned(), found: found.into_iter().collect() }),
+    if let (true, 1, Some(only)) = (found.is_empty(), pytorch.len(), pytorch.first()) {
+        return Ok(Located { config, weights: Weights::Single(folder.join(only)) });
     }
+    found.extend(pytorch);
+    Err(WeightsError::NoWeights { path: folder.to_owned(), found: found.into_iter().collect() })
 }
 
 fn read_index(path: &Path) -> Result<Weights, WeightsError> {
