@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod bad_weights;
+mod checkpoints;
 mod commands;
 mod common;
 mod data;
@@ -16,6 +17,9 @@ mod interrupted;
 mod limits;
 mod messages;
 mod motion;
+#[expect(unreachable_pub, reason = "the harness has it for all")]
+#[path = "../harness/pytorch.rs"]
+mod pytorch;
 mod scenes;
 mod surroundings;
 mod train;

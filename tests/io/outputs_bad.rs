@@ -130,7 +130,7 @@ fn manifest_states_everything() {
     let files = run(&out, "npz,mini_npz,depth,ply,glb,tum", &SinkOptions::default(), &[(0, 0)], true);
     let manifest = Manifest {
         network: "da3-small".into(),
-        weights: Weights { name: "nano".into(), digest: "blake3:00".into(), note: None },
+        weights: Weights { name: "nano".into(), digest: "blake3:00".into(), licence: None, note: None },
         device: json!({ "name": "test" }),
         unit: "network scale (not metric)".into(),
         settings: json!({}),

@@ -63,8 +63,9 @@ pub(crate) struct RunArgs {
     /// network's own]
     #[arg(long, value_name = "WHICH", value_parser = reference, help_heading = "Network", allow_negative_numbers = true)]
     pub(crate) reference: Option<ReferenceChoice>,
-    /// Where cameras come from: the camera decoder, or the ray maps (about twice the work of the heads).
-    #[arg(long, value_name = "SOURCE", default_value = "decoder", help_heading = "Network")]
+    /// Where cameras come from: decoder, rays (the ray maps; about twice the work of the heads), or known ones from a file or folder: a COLMAP
+    /// model, transforms.json, a TUM trajectory with intrinsics.txt beside it. Known ones are for networks with a camera encoder.
+    #[arg(long, value_name = "SOURCE|PATH", default_value = "decoder", value_parser = cameras, help_heading = "Network")]
     pub(crate) cameras: Cameras,
 
     /// Bound of the longest (or shortest) side in pixels. Depth Anything 3 only. [default: 504]
@@ -180,12 +181,23 @@ impl From<WeightsType> for WeightType {
 }
 
 /// `--cameras`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Cameras {
     /// From the camera token.
     Decoder,
     /// From the ray maps.
     Rays,
+    /// From a file or folder.
+    Known(PathBuf),
+}
+
+#[expect(clippy::unnecessary_wraps, reason = "the form that clap asks for")]
+fn cameras(text: &str) -> Result<Cameras, String> {
+    Ok(match text {
+        "decoder" => Cameras::Decoder,
+        "rays" => Cameras::Rays,
+        path => Cameras::Known(path.into()),
+    })
 }
 
 fn reference(text: &str) -> Result<ReferenceChoice, String> {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use omnix::OmnixError;
+use omnix::checkpoint::{TensorError, WeightsError};
 use omnix::graph::GraphError;
 use omnix::io::IoError;
 use omnix::kernels::KernelError;
@@ -353,6 +354,10 @@ fn library_code(error: &OmnixError) -> u8 {
         },
         OmnixError::Graph(GraphError::TensorTooLarge { .. }) | OmnixError::Budget { .. } => 5,
         OmnixError::Graph(GraphError::Parameter { .. } | GraphError::DoesNotFit { .. }) => 3,
+        OmnixError::Weights(WeightsError::Interrupted) => 130,
+        OmnixError::Weights(
+            WeightsError::InTheWay { .. } | WeightsError::Tensors(TensorError::Io { action: "write the file", .. }),
+        ) => 6,
         OmnixError::Model(omnix::model::ModelError::Request { .. }) => 2,
         OmnixError::Model(_)
         | OmnixError::Weights(_)

@@ -3,7 +3,10 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use omnix::checkpoint::licence;
+use omnix::geometry::AlignTo;
 use omnix::graph::GraphError;
+use omnix::io::cameras::{self, MatchedCamera, match_cameras};
 use omnix::io::input::is_video;
 use omnix::io::{Export, FrameChoice, InputPlan, ReadOptions, RunSize, Stop, probe_with};
 use omnix::{Caps, FieldPrecision, OmnixError, Request, RunPlan, Tier, Weights};
@@ -23,6 +26,8 @@ pub(crate) struct Job {
     pub(crate) weights: Weights,
     pub(crate) preparation: Preparation,
     pub(crate) request: Request,
+    /// Each frame's known camera, if they are given.
+    pub(crate) known: Option<Vec<MatchedCamera>>,
     /// What to write.
     pub(crate) exports: Vec<Export>,
 }
@@ -44,14 +49,30 @@ impl Job {
         let weights = Weights::find(&args.weights)?;
         let preparation = Preparation::new(&weights, args, &input)?;
         input.notes.extend(preparation.note(&input));
+        let checkpoint = weights.checkpoint();
+        let taken = checkpoint.taken_for();
+        input.notes.extend(
+            taken.map(|name| format!("no config.json is beside the weights; by their tensors they are {name}")),
+        );
+        input.notes.extend(
+            licence(checkpoint.name()).map(|licence| format!("licence of these weights, as published: {licence}")),
+        );
         for note in &input.notes {
             ui.note(&format!("note: {note}"));
         }
         let (width, height) = preparation.size();
         let mut request = request(args, input.frames.len(), width, height);
         request.times = Some(input.frames.iter().map(|f| (f.video, f.frame)).collect());
+        let known = match &args.cameras {
+            Cameras::Known(path) => Some(match_cameras(&cameras::read(path)?, &input)?),
+            Cameras::Decoder | Cameras::Rays => None,
+        };
+        if let Some(known) = &known {
+            let prepared = input.frames.iter().zip(known).map(|(frame, camera)| preparation.camera(frame, camera));
+            request = request.cameras(prepared.collect(), AlignTo::Given);
+        }
         let exports = chosen_exports(args, &weights, &mut request)?;
-        Ok(Self { input, weights, preparation, request, exports })
+        Ok(Self { input, weights, preparation, request, known, exports })
     }
 
     /// Plans within the budget; says what would fit if this does not.

@@ -1,11 +1,12 @@
 //! How pictures are brought to the network's size: Depth Anything 3's way or OmniX's, chosen by the checkpoint.
 
-use omnix::Weights;
+use omnix::io::cameras::MatchedCamera;
 use omnix::io::preprocess::{
     Da3Preprocess, Framing, OmnixPreprocess, PATCH, Processed, ResizeMethod, centre_crop, common_size,
 };
 use omnix::io::{InputPlan, IoError, Picture, PlannedFrame};
 use omnix::model::config::Family;
+use omnix::{Camera, Weights};
 use serde_json::{Value, json};
 
 use crate::args::RunArgs;
@@ -88,6 +89,17 @@ impl Preparation {
         };
         // A size that cannot be had is an error of reading the picture; until then nothing of it is kept.
         framing.unwrap_or(Framing { resized: (width, height), crop: [0; 4] })
+    }
+
+    /// A frame's known camera, for the picture that the network sees.
+    pub(crate) fn camera(&self, frame: &PlannedFrame, known: &MatchedCamera) -> Camera {
+        let framing = self.framing(frame);
+        let (resized, [left, top, ..]) = (framing.resized, framing.crop);
+        let lens = known.lens.resized([frame.width, frame.height], [resized.0, resized.1]);
+        let mut intrinsics = lens.intrinsics([resized.0, resized.1]);
+        intrinsics[0][2] -= left as f32;
+        intrinsics[1][2] -= top as f32;
+        Camera { extrinsics: known.world_to_camera, intrinsics }
     }
 
     /// Says it where pictures lose much to the common shape.

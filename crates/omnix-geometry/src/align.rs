@@ -87,6 +87,41 @@ pub fn align_cameras(given: &[Pose], predicted: &[Pose], to: AlignTo) -> Result<
     })
 }
 
+/// How far given cameras and predicted ones are apart, once a similarity has brought them together. Pairs are median and largest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agreement {
+    /// Length in the predicted world of a unit of the given one.
+    pub scale: f64,
+    /// Angles between the two cameras of a view, in degrees.
+    pub turned: [f64; 2],
+    /// Distances between the two centres of a view, in parts of the largest distance of a given centre from their mean.
+    pub moved: [f64; 2],
+}
+
+/// Compares given cameras (w2c), moved by the similarity that [`align_cameras`] found, with the predicted ones. None for no cameras.
+#[must_use]
+pub fn agreement(given: &[Pose], predicted: &[Pose], similarity: &Similarity) -> Option<Agreement> {
+    let moved: Vec<Rigid> =
+        given.iter().map(|pose| Rigid::from_rows(&similarity.apply_to_w2c(pose)).inverse()).collect();
+    let predicted: Vec<Rigid> = predicted.iter().map(|pose| Rigid::from_rows(pose).inverse()).collect();
+    let mean = moved.iter().map(|c| c.translation).sum::<DVec3>() / moved.len().max(1) as f64;
+    let extent = moved.iter().map(|c| c.translation.distance(mean)).fold(0.0, f64::max);
+    let pairs = || moved.iter().zip(&predicted);
+    let angle = |(a, b): (&Rigid, &Rigid)| {
+        let turn = a.rotation.transpose() * b.rotation;
+        ((turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees()
+    };
+    let both = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        Some([*values.get(values.len() / 2)?, *values.last()?])
+    };
+    Some(Agreement {
+        scale: similarity.scale,
+        turned: both(pairs().map(angle).collect())?,
+        moved: both(pairs().map(|(a, b)| a.translation.distance(b.translation) / extent).collect())?,
+    })
+}
+
 /// The similarity from the given cameras' centres to the predicted ones' (w2c poses both).
 ///
 /// With 10 views or more, outliers are rejected as in `spec/da3.md` 8.4: 10 draws of `max(3, (N+1)/2)` views by NumPy's
@@ -288,5 +323,22 @@ mod tests {
         for (a, b) in carried.extrinsics.iter().flatten().flatten().zip(moved.iter().flatten().flatten()) {
             assert!((a - b).abs() < 1e-5);
         }
+    }
+
+    #[test]
+    fn agreement_is_what_the_similarity_leaves() {
+        let given = curve(8);
+        let mut predicted: Vec<Pose> = given.iter().map(|pose| TRUTH.apply_to_w2c(pose)).collect();
+        let exact = agreement(&given, &predicted, &TRUTH).unwrap();
+        assert!(exact.turned[1] < 0.1 && exact.moved[1] < 1e-5 && exact.scale == TRUTH.scale, "{exact:?}");
+        // One camera turned on the spot by 90 degrees about its own axis, so that its centre stays.
+        let [x, y, z] = predicted[3];
+        predicted[3] = [y.map(|v| -v), x, z];
+        let one = agreement(&given, &predicted, &TRUTH).unwrap();
+        assert!(one.turned[0] < 0.1 && (one.turned[1] - 90.0).abs() < 0.1 && one.moved[1] < 1e-5, "{one:?}");
+        // Another moved by its own extent and more.
+        predicted[5][0][3] += 100.0;
+        assert!(agreement(&given, &predicted, &TRUTH).unwrap().moved[1] > 1.0);
+        assert_eq!(agreement(&[], &[], &TRUTH), None);
     }
 }

@@ -14,7 +14,7 @@ mod random;
 mod rays;
 mod unproject;
 
-pub use align::{AlignTo, Alignment, Similarity, align_cameras, fit_cameras, umeyama};
+pub use align::{Agreement, AlignTo, Alignment, Similarity, agreement, align_cameras, fit_cameras, umeyama};
 pub use camera::{Camera, decode_pose_code, encode_pose_code, normalise_extrinsics};
 pub use error::GeometryError;
 pub use pose::{

@@ -12,6 +12,14 @@ pub enum IoError {
         /// The input as given.
         path: PathBuf,
     },
+    /// Cameras that cannot be read, or do not fit the pictures.
+    #[error("these cameras cannot be used: {reason}: {path}")]
+    BadCameras {
+        /// What is wrong, and the cure.
+        reason: String,
+        /// The file or folder.
+        path: PathBuf,
+    },
     /// A glob pattern that cannot be parsed.
     #[error("not a valid file pattern ({reason}): {pattern}")]
     BadPattern {

@@ -3,11 +3,13 @@
 //! * [`input`]: command-line inputs to a plan of frames, then to 8-bit RGB pictures one at a time.
 //! * [`preprocess`]: pictures to the network's input, for Depth Anything 3 (`da3.md` section 3) and OmniX
 //!   (`omnix.md` section 2).
+//! * [`cameras`]: known cameras, as other tools write them.
 //! * [`output`]: one sink for each export format, fed one image at a time, and the manifest of a run.
 //!
 //! Cameras are plain arrays here: extrinsics world-to-camera `[[f32; 4]; 3]` (OpenCV axes), intrinsics `[[f32; 3]; 3]`
 //! in pixels of the processed picture, with pixel positions at whole numbers as the reference's exports have them.
 
+pub mod cameras;
 mod error;
 pub mod input;
 pub mod output;

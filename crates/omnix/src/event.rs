@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use omnix_geometry::Camera;
+use omnix_geometry::{Agreement, Camera};
 use omnix_kernels::BufferSlice;
 
 use crate::error::OmnixError;
@@ -15,6 +15,8 @@ use crate::field::Field;
 pub enum Event {
     /// How far the work is.
     Progress(Progress),
+    /// How known cameras and the network's own agree, where some are given. Before any geometry.
+    Agreement(Agreement),
     /// An image's geometry, on the host ([`crate::Session::run`]).
     Frame(FrameGeometry),
     /// An image's geometry, on the device ([`crate::Session::run_resident`]).

@@ -1,11 +1,13 @@
-//! `omnix weights info` and `omnix weights check`.
+//! `omnix weights`: `info`, `check` and `convert`.
+
+mod convert;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 
 use clap::{Args, Subcommand};
-use omnix::checkpoint::{CheckReport, Checkpoint, WeightsError, describe};
+use omnix::checkpoint::{CheckReport, Checkpoint, WeightsError, describe, licence};
 use omnix::{OmnixError, Weights};
 use serde_json::{Value, json};
 
@@ -20,12 +22,14 @@ pub(crate) enum WeightsCommand {
     Info(WeightsArgs),
     /// Every tensor: there, of the right shape, and nothing but numbers. Exit code 3 if not.
     Check(WeightsArgs),
+    /// Writes a checkpoint anew, of PyTorch or not: as safetensors, in another type, in several files.
+    Convert(convert::ConvertArgs),
 }
 
-/// Arguments of both.
+/// Arguments of those that read.
 #[derive(Debug, Args)]
 pub(crate) struct WeightsArgs {
-    /// A folder with config.json and model.safetensors, such a file, or `nano`.
+    /// A folder with config.json and model.safetensors, such a file or a PyTorch checkpoint (.pt, .pth, .ckpt), or `nano`.
     #[arg(value_name = "PATH|NAME")]
     weights: String,
     /// One JSON object on standard output.
@@ -38,15 +42,17 @@ impl WeightsCommand {
     pub(crate) fn json(&self) -> bool {
         match self {
             Self::Info(args) | Self::Check(args) => args.json,
+            Self::Convert(args) => args.json,
         }
     }
 }
 
-/// Runs one of the two.
+/// Runs one of them.
 pub(crate) fn run(command: &WeightsCommand, ui: &mut Ui) -> Result<(), CliError> {
     match command {
         WeightsCommand::Info(args) => info(args, ui),
         WeightsCommand::Check(args) => check(args, ui),
+        WeightsCommand::Convert(args) => convert::run(args, ui),
     }
 }
 
@@ -81,7 +87,8 @@ fn info(args: &WeightsArgs, ui: &mut Ui) -> Result<(), CliError> {
             "name": checkpoint.name(), "path": checkpoint.path(), "network": network, "seems": seems, "tensors": tensors,
             "parameters": numbers, "bytes": size, "types": types, "key_prefix": checkpoint.key_prefix(),
             "digest": format!("blake3:{}", checkpoint.digest()), "metadata": checkpoint.metadata(), "usable": problem.is_none(),
-            "problem": problem, "note": note,
+            "problem": problem, "note": note, "taken_for": checkpoint.taken_for(),
+            "licence": licence(checkpoint.name()),
         });
         ui.event("weights", fields);
         return Ok(());
@@ -100,6 +107,8 @@ fn info(args: &WeightsArgs, ui: &mut Ui) -> Result<(), CliError> {
         format!("prefix   {}", if checkpoint.key_prefix().is_empty() { "none" } else { checkpoint.key_prefix() }),
         format!("digest   blake3:{}", checkpoint.digest()),
     ];
+    lines.extend(licence(checkpoint.name()).map(|licence| format!("licence  {licence}, as published")));
+    lines.extend(checkpoint.taken_for().map(|name| format!("config   none beside it; by its tensors it is {name}")));
     lines.extend(checkpoint.metadata().iter().map(|(k, v)| format!("metadata {k} = {v}")));
     lines.extend(problem.map(|p| format!("problem  {p}")));
     lines.extend(note.map(|n| format!("note     {n}")));

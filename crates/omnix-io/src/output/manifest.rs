@@ -23,7 +23,9 @@ pub struct Weights {
     pub name: String,
     /// Digest of the file with the name of the hash in front, such as "blake3:...".
     pub digest: String,
-    /// What a reader should know of them (training data, licence, limits).
+    /// Their licence, where they are known ones.
+    pub licence: Option<String>,
+    /// What a reader should know of them (training data, limits).
     pub note: Option<String>,
 }
 

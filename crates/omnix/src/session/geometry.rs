@@ -1,6 +1,6 @@
 //! The stages that make geometry: the backbone over all images, then the head a few images at a time.
 
-use omnix_geometry::{Camera, align_cameras, decode_pose_code, encode_pose_code, normalise_extrinsics};
+use omnix_geometry::{Camera, agreement, align_cameras, decode_pose_code, encode_pose_code, normalise_extrinsics};
 
 use super::Session;
 use super::handover::{BackboneResults, fill, inputs, part};
@@ -8,7 +8,7 @@ use super::motion::FieldBuilder;
 use super::on_device::{OnDevice, PhasePart};
 use super::readback::Results;
 use crate::error::OmnixError;
-use crate::event::{Listener, Phase, ResidentGeometry};
+use crate::event::{Event, Listener, Phase, ResidentGeometry};
 
 impl Session {
     /// Features on the device and cameras.
@@ -37,6 +37,9 @@ impl Session {
         if let Some(given) = given {
             let poses = |cameras: &[Camera]| cameras.iter().map(|c| c.extrinsics).collect::<Vec<_>>();
             let aligned = align_cameras(&poses(&given), &poses(&cameras), self.plan.request.align)?;
+            if let Some(agreement) = agreement(&poses(&given), &poses(&cameras), &aligned.similarity) {
+                listener(Event::Agreement(agreement))?;
+            }
             depth_scale = (1.0 / aligned.depth_divisor) as f32;
             for ((camera, given), extrinsics) in cameras.iter_mut().zip(&given).zip(aligned.extrinsics) {
                 *camera = Camera { extrinsics, intrinsics: given.intrinsics };

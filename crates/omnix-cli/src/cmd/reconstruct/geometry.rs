@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use omnix::geometry::{RayMaps, cameras_from_rays, sample_table};
+use omnix::geometry::{Agreement, RayMaps, cameras_from_rays, sample_table};
 use omnix::io::preprocess::exported_picture;
 use omnix::io::{FrameLoader, FrameResult, Picture, Stop};
 use omnix::{Camera, Event, Field, OmnixError, Phase, Session};
@@ -12,6 +12,25 @@ use super::state::{Run, begin};
 use crate::error::CliError;
 use crate::stop;
 use crate::ui::Ui;
+
+/// Degrees, and parts of the cameras' extent, from which on known cameras do not seem to be those of the pictures.
+const APART: (f64, f64) = (30.0, 0.5);
+
+/// Says how well the known cameras and the network's own agree.
+fn tell_agreement(agreement: &Agreement, ui: &mut Ui) {
+    let Agreement { scale, turned, moved } = *agreement;
+    ui.event("cameras", json!({ "scale": scale, "turned_degrees": turned, "moved": moved }));
+    ui.say(&format!(
+        "known cameras and the network's own: turned apart by {:.1} degrees (at most {:.1}), centres by {:.0} % of their extent (at most {:.0} %); \
+         a unit of theirs is {scale:.3} of the network's",
+        turned[0], turned[1], 100.0 * moved[0], 100.0 * moved[1]
+    ));
+    if turned[0] > APART.0 || moved[0] > APART.1 {
+        ui.note(
+            "note: the known cameras do not seem to be those of these pictures: check names, order, axes and mirroring",
+        );
+    }
+}
 
 impl Run<'_> {
     /// Every picture at the network's size, 8 bits per channel.
@@ -25,7 +44,14 @@ impl Run<'_> {
             if stop::asked() {
                 return Err(OmnixError::Interrupted.into());
             }
-            pictures.push(self.job.preparation.apply(&loader.load(index)?)?);
+            let mut picture = loader.load(index)?;
+            // Networks see straight lines; so do the pictures that results are beside.
+            if let Some(known) =
+                self.job.known.as_ref().map(|known| known[index].lens).filter(|lens| !lens.distortion.is_none())
+            {
+                picture = known.undistort(&picture);
+            }
+            pictures.push(self.job.preparation.apply(&picture)?);
             ui.progress(index as u64 + 1, total as u64);
         }
         self.timings.insert("read".to_owned(), json!(ui.end()));
@@ -60,6 +86,10 @@ impl Run<'_> {
                     return stop::answer();
                 }
                 Event::Frame(geometry) => geometry,
+                Event::Agreement(agreement) => {
+                    tell_agreement(&agreement, ui);
+                    return Ok(());
+                }
                 Event::Field(made) => {
                     field = Some(*made);
                     return Ok(());

@@ -1,10 +1,12 @@
 //! The manifest of a run, also of one that was broken off.
 
+use omnix::checkpoint::licence;
 use omnix::io::output::manifest::{Manifest, ManifestFrame, Weights as ManifestWeights, WrittenFile, path_text};
 use omnix::model::config::{NetworkConfig, PointsFrom};
 use serde_json::{Map, Value, json};
 
 use super::state::Run;
+use crate::args::Cameras;
 use crate::{job, memory};
 
 impl Run<'_> {
@@ -23,6 +25,7 @@ impl Run<'_> {
             weights: ManifestWeights {
                 name: checkpoint.name().to_owned(),
                 digest: format!("blake3:{}", checkpoint.digest()),
+                licence: licence(checkpoint.name()).map(str::to_owned),
                 note: job.weights.note().map(str::to_owned),
             },
             device: serde_json::to_value(&self.info).unwrap_or_default(),
@@ -38,7 +41,11 @@ impl Run<'_> {
                 "preparation": job.preparation.settings(),
                 "weights_type": job::storage_name(args),
                 "reference": args.reference.as_ref().map(|r| format!("{r:?}")),
-                "cameras": if job.request.rays { "ray maps" } else { "camera decoder" },
+                "cameras": match &args.cameras {
+                    Cameras::Decoder => "camera decoder".to_owned(),
+                    Cameras::Rays => "ray maps".to_owned(),
+                    Cameras::Known(path) => format!("known, from {}", path_text(path)),
+                },
                 "memory_budget_bytes": job.request.budget,
                 "export": exports,
                 "points": args.points,
