@@ -188,6 +188,24 @@ def check_field(path):
     return f"{len(header)} tensors, {len(raw)} bytes"
 
 
+def check_lists(folder):
+    """The table and the sequence of PLY files hold the same points at the same times."""
+    import numpy as np
+    from plyfile import PlyData
+
+    table = np.genfromtxt(folder / "tracks.csv", delimiter=",", names=True)
+    files = sorted((folder / "exports/ply-seq").glob("*.ply"))
+    assert len(table) % len(files) == 0, f"{len(table)} lines for {len(files)} times"
+    worst = 0.0
+    for time, path in enumerate(files):
+        vertex = PlyData.read(str(path))["vertex"]
+        rows = table[table["time"] == time]
+        assert (rows["image"] == vertex["image"]).all() and (rows["column"] == vertex["column"]).all(), path.name
+        worst = max(worst, max(np.abs(rows[axis] - vertex[axis]).max() for axis in "xyz"))
+    assert worst < 1e-5, f"{worst} apart"
+    return f"{vertex.count} points at {len(files)} times"
+
+
 def plan(folder):
     """(name, needed modules, function) of every check of motion that the folder's files ask for."""
     checks = []
@@ -195,6 +213,8 @@ def plan(folder):
         checks.append(("tracks", ["numpy"], lambda: check_tracks(folder)))
     if (folder / "exports/st4rtrack").is_dir():
         checks.append(("st4rtrack", ["numpy"], lambda: check_st4rtrack(folder / "exports/st4rtrack")))
+    if (folder / "tracks.csv").exists() and (folder / "exports/ply-seq").is_dir():
+        checks.append(("tracks.csv = ply-seq", ["numpy", "plyfile"], lambda: check_lists(folder)))
     if (folder / "scene.omx4d").exists():
         checks.append(("scene.omx4d", ["numpy"], lambda: check_omx4d(folder / "scene.omx4d")))
     if (folder / "masks").is_dir():

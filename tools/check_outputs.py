@@ -3,8 +3,8 @@
 
 Usage: check_outputs.py FOLDER
 
-Uses numpy, plyfile, Pillow and evo where they are installed (pip install numpy plyfile pillow evo) and says which
-were not. For scene.glb it calls check_glb.mjs beside it when node is there (npm install gltf-validator; NODE_PATH may
+Uses numpy, plyfile, Pillow, evo and pycolmap where they are installed (pip install numpy plyfile pillow evo pycolmap) and says
+which were not. For scene.glb it calls check_glb.mjs beside it when node is there (npm install gltf-validator; NODE_PATH may
 name the folder node_modules). Exports of motion are checked by check_motion.py beside it. Prints one line a check; exit code 0 only if every check that ran passed and at least
 one ran.
 """
@@ -153,6 +153,53 @@ def check_tum_against_npz(folder):
     return f"{len(poses)} poses, worst {error:.2g}"
 
 
+def check_colmap(folder):
+    """Both forms of the model, read by COLMAP's own library: points project onto their observations."""
+    import numpy as np
+    import pycolmap
+
+    told = []
+    for form in ("sparse/0", "text"):
+        model = pycolmap.Reconstruction(str(folder / "exports/colmap" / form))
+        worst = 0.0
+        for image in model.images.values():
+            camera = model.cameras[image.camera_id]
+            for observation in image.points2D[::37]:
+                point = model.points3D[observation.point3D_id]
+                seen = camera.img_from_cam(image.cam_from_world() * point.xyz)
+                worst = max(worst, float(np.abs(seen - observation.xy).max()))
+        assert worst < 1e-2, f"{form}: an observation is {worst} pixels from its point"
+        told.append(f"{model.num_images()} images, {model.num_points3D()} points")
+    assert told[0] == told[1], told
+    return f"{told[0]}, both forms"
+
+
+def check_cameras_against_npz(folder):
+    """Poses of the model and of transforms.json must be those of the archive."""
+    import numpy as np
+
+    extrinsics = np.load(folder / "exports/npz/results.npz")["extrinsics"].astype(np.float64)
+    told = []
+    if (folder / "exports/colmap/text/images.txt").exists():
+        lines = [l for l in (folder / "exports/colmap/text/images.txt").read_text().splitlines() if not l.startswith("#")]
+        for line, w2c in zip(lines[::2], extrinsics):
+            w, x, y, z, *t = map(float, line.split(" ")[1:8])
+            turn = np.array([
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ])
+            assert np.abs(np.c_[turn, t] - w2c).max() < 1e-4 * max(1, np.abs(w2c).max()), line
+        told.append(f"{len(lines) // 2} of COLMAP")
+    if (folder / "transforms.json").exists():
+        frames = json.loads((folder / "transforms.json").read_text())["frames"]
+        for frame, w2c in zip(frames, extrinsics):
+            c2w = np.array(frame["transform_matrix"]) @ np.diag([1.0, -1.0, -1.0, 1.0])
+            assert np.abs(np.linalg.inv(c2w)[:3] - w2c).max() < 1e-4 * max(1, np.abs(c2w).max()), frame["file_path"]
+        told.append(f"{len(frames)} of transforms.json")
+    return ", ".join(told)
+
+
 def check_glb(path):
     done = subprocess.run(["node", str(HERE / "check_glb.mjs"), str(path)], capture_output=True, text=True)
     if done.returncode == 2:
@@ -180,6 +227,10 @@ def plan(folder):
         checks.append((path.name, ["evo"], lambda p=path: check_tum(p)))
     if (folder / "trajectory.tum").exists() and npz.exists():
         checks.append(("trajectory.tum = npz", ["evo", "numpy"], lambda: check_tum_against_npz(folder)))
+    if (folder / "exports/colmap").exists():
+        checks.append(("exports/colmap", ["numpy", "pycolmap"], lambda: check_colmap(folder)))
+    if npz.exists() and ((folder / "exports/colmap").exists() or (folder / "transforms.json").exists()):
+        checks.append(("known cameras = npz", ["numpy"], lambda: check_cameras_against_npz(folder)))
     if (folder / "scene.glb").exists():
         checks.append(("scene.glb", [], lambda: check_glb(folder / "scene.glb")))
     return checks

@@ -38,6 +38,7 @@ fn write(export: Export, dir: &Path, size: &RunSize) -> Vec<PathBuf> {
                 extrinsics: Some(view.extrinsics),
                 intrinsics: Some(view.intrinsics),
                 sky: None,
+                source: None,
             };
             sink.frame(&frame).unwrap();
         }

@@ -5,5 +5,6 @@ mod choose;
 mod formats;
 mod glb;
 mod images;
+mod lists;
 mod made;
 mod omx4d;

@@ -1,5 +1,6 @@
 //! Every frame of a run, known before a picture is decoded.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use super::video::VideoInfo;
@@ -62,6 +63,30 @@ pub struct InputPlan {
 }
 
 impl InputPlan {
+    /// A name for each frame's picture, as files for other tools state it: the picture's own, or `VIDEO_NNNNNN.png` with the frame's number in
+    /// its video; behind the number of its input and a slash where names of several inputs are equal.
+    #[must_use]
+    pub fn picture_names(&self) -> Vec<String> {
+        let is_video = |number: u32| {
+            self.sources.iter().any(|source| source.video == number && matches!(source.kind, SourceKind::Video(_)))
+        };
+        let name = |frame: &PlannedFrame| {
+            let part = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+            if is_video(frame.video) {
+                format!("{}_{:06}.png", part(frame.path.file_stem()), frame.source_frame)
+            } else {
+                part(frame.path.file_name())
+            }
+        };
+        let names: Vec<String> = self.frames.iter().map(name).collect();
+        let mut sorted: Vec<&String> = names.iter().collect();
+        sorted.sort_unstable();
+        if sorted.windows(2).all(|pair| pair[0] != pair[1]) {
+            return names;
+        }
+        names.iter().zip(&self.frames).map(|(name, frame)| format!("{}/{name}", frame.video)).collect()
+    }
+
     /// The frame that takes the most memory to read.
     #[must_use]
     pub fn largest(&self) -> Option<&PlannedFrame> {

@@ -123,6 +123,7 @@ mod tests {
             extrinsics: Some([[0.0, -1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 2.0], [0.0, 0.0, 1.0, 3.0]]),
             intrinsics: Some([[100.0, 0.0, 10.0], [0.0, 50.0, 20.0], [0.0, 0.0, 1.0]]),
             sky: None,
+            source: None,
         };
         let camera = Camera::of(&frame, "ply").unwrap();
         let world = camera.to_world(camera.ray(60.0, 45.0) * 2.0);

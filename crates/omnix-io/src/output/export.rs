@@ -8,7 +8,10 @@ use std::sync::LazyLock;
 use super::format::{FileKind, Format, NUMBER, PLAIN, RunSize};
 use super::frame::Sink;
 use super::options::SinkOptions;
-use super::{depth, glb, html, masks, npz, omx4d, ply, saved_field, st4rtrack, tracks, tum};
+use super::{
+    colmap, csv, depth, exr, glb, html, masks, npz, omx4d, ply, ply_seq, saved_field, st4rtrack, tracks, transforms,
+    tum,
+};
 use crate::IoError;
 
 /// Makes the list: `Variant = its format`.
@@ -37,10 +40,15 @@ exports! {
     Npz = npz::FULL,
     MiniNpz = npz::MINI,
     Depth = depth::FORMAT,
+    Exr = exr::FORMAT,
     Ply = ply::FORMAT,
     Glb = glb::FORMAT,
     Tum = tum::FORMAT,
+    Colmap = colmap::FORMAT,
+    Transforms = transforms::FORMAT,
     Tracks = tracks::FORMAT,
+    Csv = csv::FORMAT,
+    PlySeq = ply_seq::FORMAT,
     St4rtrack = st4rtrack::FORMAT,
     Omx4d = omx4d::FORMAT,
     Masks = masks::FORMAT,

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::IoError;
+use crate::preprocess::Framing;
 
 /// The result of one image. Maps are row-major, `[height][width]`.
 #[derive(Debug, Clone, Copy)]
@@ -31,9 +32,60 @@ pub struct FrameResult<'a> {
     pub intrinsics: Option<[[f32; 3]; 3]>,
     /// Pixels that are sky; no points are made of them.
     pub sky: Option<&'a [bool]>,
+    /// The picture that it was made of; exports for other tools name it and state cameras at its size.
+    pub source: Option<SourcePicture<'a>>,
+}
+
+/// A picture or a video's frame as it was before it came to the network's size.
+#[derive(Debug, Clone, Copy)]
+pub struct SourcePicture<'a> {
+    /// Its name, with forward slashes; no two of a run are equal.
+    pub name: &'a str,
+    /// Width and height in pixels, upright.
+    pub size: [u32; 2],
+    /// How it came to the network's size.
+    pub framing: Framing,
+}
+
+/// [`SourcePicture`], or the image itself where there is none.
+pub(super) struct Source {
+    pub(super) name: String,
+    pub(super) size: [u32; 2],
+    /// Pixels of the maps for a pixel of the picture, across and down, and the corner of what was kept of it.
+    scale: [f64; 2],
+    corner: [f64; 2],
+}
+
+impl Source {
+    /// fx, fy, cx, cy of the picture, of the maps' intrinsics.
+    pub(super) fn pinhole(&self, intrinsics: &[[f32; 3]; 3]) -> [f64; 4] {
+        let [[fx, _, cx], [_, fy, cy], _] = intrinsics.map(|row| row.map(f64::from));
+        let [cx, cy] = self.place([cx, cy]);
+        [fx / self.scale[0], fy / self.scale[1], cx, cy]
+    }
+
+    /// Where a place in the maps is in the picture.
+    pub(super) fn place(&self, place: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| (place[axis] + self.corner[axis]) / self.scale[axis])
+    }
 }
 
 impl FrameResult<'_> {
+    /// The picture that it was made of.
+    pub(super) fn source(&self) -> Source {
+        let Some(SourcePicture { name, size, framing }) = self.source else {
+            let (name, size) = (format!("{:06}.png", self.index), [self.width, self.height]);
+            return Source { name, size, scale: [1.0; 2], corner: [0.0; 2] };
+        };
+        let resized = [framing.resized.0, framing.resized.1];
+        Source {
+            name: name.to_owned(),
+            size,
+            scale: [0, 1].map(|axis| f64::from(resized[axis]) / f64::from(size[axis])),
+            corner: [f64::from(framing.crop[0]), f64::from(framing.crop[1])],
+        }
+    }
+
     /// Checks the length of every buffer.
     pub(super) fn check(&self, export: &'static str) -> Result<(), IoError> {
         let pixels = self.width as usize * self.height as usize;

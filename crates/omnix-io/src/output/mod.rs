@@ -9,9 +9,12 @@
 mod atomic;
 mod camera;
 mod choose;
+mod colmap;
 mod colour;
+mod csv;
 mod depth;
 mod export;
+mod exr;
 pub mod field;
 mod folder;
 mod format;
@@ -31,10 +34,12 @@ mod omx4d;
 mod options;
 pub mod paths;
 mod ply;
+mod ply_seq;
 mod sample;
 mod saved_field;
 mod st4rtrack;
 mod tracks;
+mod transforms;
 mod tum;
 mod voxel;
 
@@ -44,7 +49,7 @@ pub use colour::spectral;
 pub use export::{Export, MotionInput, open_sinks};
 pub use folder::OutputFolder;
 pub use format::RunSize;
-pub use frame::{FrameResult, RunSummary, Sink};
+pub use frame::{FrameResult, RunSummary, Sink, SourcePicture};
 pub use glb_motion::write_glb_motion;
 pub use motion_export::{MotionStream, write_motion};
 /// For a program that ends at once: removes files in the making.

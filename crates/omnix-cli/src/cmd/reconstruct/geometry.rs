@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use omnix::geometry::{Agreement, RayMaps, cameras_from_rays, sample_table};
+use omnix::io::output::SourcePicture;
 use omnix::io::preprocess::exported_picture;
 use omnix::io::{FrameLoader, FrameResult, Picture, Stop};
 use omnix::{Camera, Event, Field, OmnixError, Phase, Session};
@@ -73,6 +74,7 @@ impl Run<'_> {
         let image = [request.height as u32, request.width as u32];
         let (frames, sinks, finished) = (&self.job.input.frames, &mut self.sinks, &mut self.finished);
         let (cameras, timings) = (&mut self.cameras, &mut self.timings);
+        let names = self.job.input.picture_names();
         let mut phase = None;
         let mut field = None;
         let outcome = session.run(&mut |event| {
@@ -118,6 +120,11 @@ impl Run<'_> {
                 extrinsics: Some(camera.extrinsics),
                 intrinsics: Some(camera.intrinsics),
                 sky: None,
+                source: Some(SourcePicture {
+                    name: &names[index],
+                    size: [frame.width, frame.height],
+                    framing: self.job.preparation.framing(frame),
+                }),
             };
             for sink in sinks.iter_mut() {
                 sink.frame(&result)?;
