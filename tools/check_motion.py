@@ -194,7 +194,7 @@ def check_lists(folder):
     from plyfile import PlyData
 
     table = np.genfromtxt(folder / "tracks.csv", delimiter=",", names=True)
-    files = sorted((folder / "exports/ply-seq").glob("*.ply"))
+    files = sorted((folder / "exports/ply_seq").glob("*.ply"))
     assert len(table) % len(files) == 0, f"{len(table)} lines for {len(files)} times"
     worst = 0.0
     for time, path in enumerate(files):
@@ -206,6 +206,38 @@ def check_lists(folder):
     return f"{vertex.count} points at {len(files)} times"
 
 
+def check_usda(folder):
+    """Opened by Pixar's own library: a camera sees a point where the archive's matrices say it is."""
+    import numpy as np
+    from pxr import Gf, Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(folder / "scene.usda"))
+    points = UsdGeom.Points(stage.GetPrimAtPath("/scene/points"))
+    times = int(stage.GetEndTimeCode()) + 1
+    manifest = json.loads((folder / "manifest.json").read_text())
+    npz = folder / "exports/npz/results.npz"
+    worst = 0.0
+    for time in range(times):
+        positions = np.array(points.GetPointsAttr().Get(time), float)
+        assert np.isfinite(positions).all() and len(positions) == len(points.GetPrim().GetAttribute("primvars:displayColor").Get())
+        camera = UsdGeom.Camera(stage.GetPrimAtPath(f"/scene/camera_{manifest['images'][time]['video']}")).GetCamera(time)
+        if not npz.exists():
+            continue
+        data = np.load(npz)
+        w2c, k = data["extrinsics"][time].astype(float), data["intrinsics"][time].astype(float)
+        height, width = data["depth"].shape[1:]
+        see = np.array(camera.frustum.ComputeViewMatrix() * camera.frustum.ComputeProjectionMatrix())
+        for point in positions[:: max(1, len(positions) // 50)]:
+            at = w2c[:, :3] @ (point * [1, -1, -1]) + w2c[:, 3]
+            if at[2] < 0.1:
+                continue
+            x, y, _, w = np.append(point, 1) @ see
+            pixel = np.array([(x / w + 1) / 2 * width, (1 - y / w) / 2 * height])
+            worst = max(worst, np.abs(pixel - (k @ at)[:2] / at[2]).max())
+    assert worst < 0.05, f"a point is {worst} pixels off"
+    return f"{len(positions)} points at {times} times, cameras at most {worst:.2g} pixels off"
+
+
 def plan(folder):
     """(name, needed modules, function) of every check of motion that the folder's files ask for."""
     checks = []
@@ -213,8 +245,10 @@ def plan(folder):
         checks.append(("tracks", ["numpy"], lambda: check_tracks(folder)))
     if (folder / "exports/st4rtrack").is_dir():
         checks.append(("st4rtrack", ["numpy"], lambda: check_st4rtrack(folder / "exports/st4rtrack")))
-    if (folder / "tracks.csv").exists() and (folder / "exports/ply-seq").is_dir():
-        checks.append(("tracks.csv = ply-seq", ["numpy", "plyfile"], lambda: check_lists(folder)))
+    if (folder / "scene.usda").exists():
+        checks.append(("scene.usda", ["numpy", "pxr"], lambda: check_usda(folder)))
+    if (folder / "tracks.csv").exists() and (folder / "exports/ply_seq").is_dir():
+        checks.append(("tracks.csv = ply_seq", ["numpy", "plyfile"], lambda: check_lists(folder)))
     if (folder / "scene.omx4d").exists():
         checks.append(("scene.omx4d", ["numpy"], lambda: check_omx4d(folder / "scene.omx4d")))
     if (folder / "masks").is_dir():

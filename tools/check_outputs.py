@@ -3,8 +3,8 @@
 
 Usage: check_outputs.py FOLDER
 
-Uses numpy, plyfile, Pillow, evo and pycolmap where they are installed (pip install numpy plyfile pillow evo pycolmap) and says
-which were not. For scene.glb it calls check_glb.mjs beside it when node is there (npm install gltf-validator; NODE_PATH may
+Uses numpy, plyfile, Pillow, evo, pycolmap and pxr where they are installed (pip install numpy plyfile pillow evo pycolmap
+usd-core) and says which were not. For scene.glb it calls check_glb.mjs beside it when node is there (npm install gltf-validator; NODE_PATH may
 name the folder node_modules). Exports of motion are checked by check_motion.py beside it. Prints one line a check; exit code 0 only if every check that ran passed and at least
 one ran.
 """

@@ -121,6 +121,8 @@ fn what_each_leaves_is_what_it_states() {
 #[test]
 fn names_are_unique_and_in_the_readme() {
     let names: BTreeSet<&str> = Export::ALL.iter().map(|e| e.name()).collect();
+    // Each can be asked for by its name.
+    assert!(Export::ALL.iter().all(|e| Export::parse_list(e.name()).is_ok_and(|list| list == [*e])));
     assert_eq!(names.len(), Export::ALL.len());
     let readme = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../README.md")).unwrap();
     let table: Vec<&str> = readme.lines().skip_while(|l| !l.starts_with("| `--export`")).collect();

@@ -1,4 +1,4 @@
-//! `csv` and `ply-seq`: every point at every time, read back and compared with what went in.
+//! `csv` and `ply_seq`: every point at every time, read back and compared with what went in.
 
 use std::collections::HashMap;
 

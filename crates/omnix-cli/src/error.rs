@@ -388,6 +388,7 @@ fn file_code(error: &IoError) -> u8 {
         | IoError::DiskFull { .. }
         | IoError::TemporaryFull { .. }
         | IoError::FileTooLarge { .. }
+        | IoError::Film { .. }
         | IoError::Write { .. } => 6,
         IoError::WrongSize { .. } | IoError::MissingTool { .. } | IoError::ToolStart { .. } => 1,
         IoError::PictureTooLarge { .. } => 5,

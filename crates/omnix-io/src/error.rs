@@ -138,6 +138,16 @@ pub enum IoError {
         /// The system's error.
         source: io::Error,
     },
+    /// ffmpeg does not encode a film.
+    #[error(
+        "the film cannot be written ({reason}): install an ffmpeg with libx264, or leave out the export preview: {path}"
+    )]
+    Film {
+        /// What it said.
+        reason: String,
+        /// The film.
+        path: PathBuf,
+    },
     /// ffmpeg or ffprobe runs and gives nothing.
     #[error(
         "{tool} gave nothing for {seconds} seconds and was ended: check the disk, or convert the video first: {path}"

@@ -76,6 +76,11 @@ impl Tool {
     }
 }
 
+/// The program that also encodes films.
+pub(crate) fn ffmpeg_program() -> OsString {
+    Tool::Ffmpeg.program()
+}
+
 /// The file as ffmpeg's URL: without the prefix a name with a colon would be taken for a protocol.
 fn file_url(path: &Path) -> OsString {
     let mut url = OsString::from("file:");

@@ -25,6 +25,7 @@ mod sources;
 mod video;
 
 pub use choice::FrameChoice;
+pub(crate) use ffmpeg::ffmpeg_program;
 pub use header::image_size;
 pub use kinds::{IMAGE_EXTENSIONS, VIDEO_EXTENSIONS, is_video};
 pub use loader::FrameLoader;

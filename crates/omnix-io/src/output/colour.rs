@@ -39,11 +39,18 @@ pub fn spectral(x: f32) -> [u8; 3] {
 /// Depth as a picture: inverse depth between its 2nd and 98th percentile over this image, near is red, far is violet; pixels
 /// without a depth are black.
 pub(super) fn colour_depth(depth: &[f32]) -> Vec<u8> {
-    let inverse = |d: f32| (d.is_finite() && d > 0.0).then(|| 1.0 / d).filter(|v| v.is_finite());
     let mut sorted: Vec<f32> = depth.iter().filter_map(|&d| inverse(d)).collect();
     sorted.sort_unstable_by(f32::total_cmp);
-    let low = percentile(&sorted, 2.0).unwrap_or(0.0);
-    let high = percentile(&sorted, 98.0).unwrap_or(1.0);
+    colour_inverse(depth, [percentile(&sorted, 2.0).unwrap_or(0.0), percentile(&sorted, 98.0).unwrap_or(1.0)])
+}
+
+/// One over a depth, if it is one.
+fn inverse(depth: f32) -> Option<f32> {
+    (depth.is_finite() && depth > 0.0).then(|| 1.0 / depth).filter(|v| v.is_finite())
+}
+
+/// Depth as a picture: inverse depth between these two, near is red, far is violet; pixels without a depth are black.
+pub(super) fn colour_inverse(depth: &[f32], [low, high]: [f32; 2]) -> Vec<u8> {
     // A flat depth map has no range: it gets one colour.
     let range = if high > low { high - low } else { f32::INFINITY };
     depth

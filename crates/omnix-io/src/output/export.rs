@@ -9,8 +9,8 @@ use super::format::{FileKind, Format, NUMBER, PLAIN, RunSize};
 use super::frame::Sink;
 use super::options::SinkOptions;
 use super::{
-    colmap, csv, depth, exr, glb, html, masks, npz, omx4d, ply, ply_seq, saved_field, st4rtrack, tracks, transforms,
-    tum,
+    colmap, csv, depth, exr, glb, html, masks, npz, omx4d, ply, ply_seq, preview, saved_field, st4rtrack, tracks,
+    transforms, tum, usda,
 };
 use crate::IoError;
 
@@ -41,6 +41,7 @@ exports! {
     MiniNpz = npz::MINI,
     Depth = depth::FORMAT,
     Exr = exr::FORMAT,
+    Preview = preview::FORMAT,
     Ply = ply::FORMAT,
     Glb = glb::FORMAT,
     Tum = tum::FORMAT,
@@ -49,6 +50,7 @@ exports! {
     Tracks = tracks::FORMAT,
     Csv = csv::FORMAT,
     PlySeq = ply_seq::FORMAT,
+    Usda = usda::FORMAT,
     St4rtrack = st4rtrack::FORMAT,
     Omx4d = omx4d::FORMAT,
     Masks = masks::FORMAT,

@@ -35,12 +35,14 @@ mod options;
 pub mod paths;
 mod ply;
 mod ply_seq;
+mod preview;
 mod sample;
 mod saved_field;
 mod st4rtrack;
 mod tracks;
 mod transforms;
 mod tum;
+mod usda;
 mod voxel;
 
 pub use atomic::check_output_folder;

@@ -1,4 +1,4 @@
-//! `ply-seq`: the followed points at every time, a binary little-endian PLY for each, for tools that play a sequence of files.
+//! `ply_seq`: the followed points at every time, a binary little-endian PLY for each, for tools that play a sequence of files.
 //!
 //! Vertex: x y z (float), red green blue (uchar), motion score and confidence (float), source image and its column and row (uint): 35 bytes.
 //! Point k of every file is the same point.
@@ -11,10 +11,10 @@ use super::motion::MovingPoints;
 use crate::IoError;
 
 pub(super) const FORMAT: Format = Format {
-    name: "ply-seq",
+    name: "ply_seq",
     needs_motion: true,
     files: &[FileKind::of_images(
-        "exports/ply-seq/NNNNNN.ply",
+        "exports/ply_seq/NNNNNN.ply",
         "the followed points at the time of image NNNNNN: x y z, red green blue, motion, confidence, image, column, row",
     )
     .with(Points::Network)],

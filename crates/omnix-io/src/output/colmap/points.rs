@@ -58,7 +58,7 @@ impl Cloud {
                 seen.push(([u, v], k as u32));
             }
         }
-        for pixel in self.surest(frame, side, &shown) {
+        for pixel in surest(frame, side, &shown) {
             let (u, v) = (pixel % width, pixel / width);
             let Some(depth) = depth(frame, pixel) else { continue };
             let position = camera.to_world(camera.ray(u as f64, v as f64) * f64::from(depth));
@@ -68,25 +68,6 @@ impl Cloud {
             self.points.push(Point { position, colour, track });
         }
         seen
-    }
-
-    /// The surest pixel of each cell that shows no point, where there is one that is sure enough.
-    #[expect(clippy::unused_self, reason = "it belongs to what a cloud takes of an image")]
-    fn surest(&self, frame: &FrameResult<'_>, side: usize, shown: &[bool]) -> Vec<usize> {
-        let (width, across) = (frame.width as usize, (frame.width as usize).div_ceil(side));
-        let confidence = |pixel: usize| frame.confidence.map_or(1.0, |all| all[pixel]);
-        let mut sorted: Vec<f32> = (0..frame.depth.len()).map(confidence).filter(|c| c.is_finite()).collect();
-        let rank = ((sorted.len() as f64 * UNSURE) as usize).min(sorted.len().saturating_sub(1));
-        let least = if sorted.is_empty() { 0.0 } else { *sorted.select_nth_unstable_by(rank, f32::total_cmp).1 };
-        let mut best: Vec<Option<usize>> = vec![None; shown.len()];
-        for pixel in (0..frame.depth.len()).filter(|&pixel| depth(frame, pixel).is_some() && confidence(pixel) >= least)
-        {
-            let cell = pixel / width / side * across + pixel % width / side;
-            if !shown[cell] && best[cell].is_none_or(|known| confidence(pixel) > confidence(known)) {
-                best[cell] = Some(pixel);
-            }
-        }
-        best.into_iter().flatten().collect()
     }
 
     /// The points that at least two images agree on (all of a single image), numbered anew in the images that see them.
@@ -106,6 +87,23 @@ impl Cloud {
         }
         kept
     }
+}
+
+/// The surest pixel of each cell that shows no point, where there is one that is sure enough.
+fn surest(frame: &FrameResult<'_>, side: usize, shown: &[bool]) -> Vec<usize> {
+    let (width, across) = (frame.width as usize, (frame.width as usize).div_ceil(side));
+    let confidence = |pixel: usize| frame.confidence.map_or(1.0, |all| all[pixel]);
+    let mut sorted: Vec<f32> = (0..frame.depth.len()).map(confidence).filter(|c| c.is_finite()).collect();
+    let rank = ((sorted.len() as f64 * UNSURE) as usize).min(sorted.len().saturating_sub(1));
+    let least = if sorted.is_empty() { 0.0 } else { *sorted.select_nth_unstable_by(rank, f32::total_cmp).1 };
+    let mut best: Vec<Option<usize>> = vec![None; shown.len()];
+    for pixel in (0..frame.depth.len()).filter(|&pixel| depth(frame, pixel).is_some() && confidence(pixel) >= least) {
+        let cell = pixel / width / side * across + pixel % width / side;
+        if !shown[cell] && best[cell].is_none_or(|known| confidence(pixel) > confidence(known)) {
+            best[cell] = Some(pixel);
+        }
+    }
+    best.into_iter().flatten().collect()
 }
 
 /// Depth of a pixel that is a point of the world.
