@@ -145,3 +145,31 @@ fn a_conversion_that_cannot_be_done_leaves_no_checkpoint() {
     assert!(matches!(stopped, Err(WeightsError::Interrupted)));
     assert_eq!(std::fs::read_dir(&out).unwrap().count(), 0);
 }
+
+/// A network's tensor that shares its bytes with one outside of it is written under the network's name.
+#[test]
+fn shared_bytes_stay_with_the_network() {
+    let folder = tempfile::tempdir().unwrap();
+    let from = folder.path().join("from");
+    std::fs::create_dir(&from).unwrap();
+    let metadata = [("net.b", "criterion.b"), ("net.c", "net.a")];
+    let tensors = [
+        crate::fixture::f32(&format!("net.{CLS}"), &[1], &[0.0]),
+        crate::fixture::f32("net.a", &[1], &[1.0]),
+        crate::fixture::f32("criterion.b", &[2], &[2.0, 3.0]),
+        crate::fixture::f64("net.large", &[1], &[1e39]),
+    ];
+    crate::fixture::write(&from, "{}", &crate::fixture::file(&tensors, &metadata));
+    let original = Checkpoint::open(&from).unwrap();
+    let out = folder.path().join("out");
+    Conversion::default().write(&original, &out, &mut go).unwrap();
+    let written = Checkpoint::open(&out).unwrap();
+    assert_eq!(written.tensor("b").unwrap().to_f32(), [2.0, 3.0]);
+    assert_eq!(written.tensor("c").unwrap().to_f32(), [1.0]);
+    // A number beyond f32 is no infinity.
+    for dtype in [Float::F32, Float::F16] {
+        let conversion = Conversion { dtype: Some(dtype), shard: None };
+        let message = conversion.write(&original, &folder.path().join("narrow"), &mut go).unwrap_err().to_string();
+        assert!(message.contains("net.large") && message.contains("F64"), "{message}");
+    }
+}

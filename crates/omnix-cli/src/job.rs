@@ -72,6 +72,13 @@ impl Job {
             request = request.cameras(prepared.collect(), AlignTo::Given);
         }
         let exports = chosen_exports(args, &weights, &mut request)?;
+        let bent = known.iter().flatten().any(|camera| !camera.lens.distortion.is_none());
+        let stated = exports.iter().find(|export| matches!(export, Export::Colmap | Export::Transforms));
+        if let (true, Some(export)) = (bent, stated) {
+            return Err(CliError::Usage(format!(
+                "--export {export} states lenses without distortion, and the known cameras have some: undistort the pictures first, or leave it out"
+            )));
+        }
         Ok(Self { input, weights, preparation, request, known, exports })
     }
 
@@ -198,6 +205,7 @@ fn largest(weights: &Weights, request: &Request, caps: &Caps) -> Option<usize> {
     let fits = |n: usize| {
         let mut fewer = request.clone().images(n).reference(None);
         fewer.times = request.times.as_ref().map(|times| times.iter().take(n).copied().collect());
+        fewer.cameras = request.cameras.as_ref().map(|cameras| cameras.iter().take(n).copied().collect());
         RunPlan::new(weights, &fewer, caps).is_ok()
     };
     if !fits(1) {

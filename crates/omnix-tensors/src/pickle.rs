@@ -12,6 +12,7 @@
 mod calls;
 mod machine;
 mod names;
+mod stack;
 mod values;
 
 pub(crate) use values::{Element, Pickle, Rebuilt, Value};
@@ -25,7 +26,7 @@ pub(crate) struct Flaw {
 
 /// Reads a pickle. It may make at most `room` values.
 pub(crate) fn read(bytes: &[u8], room: usize) -> Result<Pickle<'_>, Flaw> {
-    machine::Machine::new(bytes, room).run()
+    stack::Machine::new(bytes, room).run()
 }
 
 #[cfg(test)]

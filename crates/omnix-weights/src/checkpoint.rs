@@ -55,6 +55,9 @@ impl Checkpoint {
             Err(missing @ WeightsError::ConfigMissing { .. }) => {
                 let mut found = Self::assemble(json!({}), files, index, name_of(path), path.to_owned());
                 let (config, name) = known::configuration(&found).ok_or(missing)?;
+                if let Some(own) = config.get("model_name").or(config.get("name")).and_then(Value::as_str) {
+                    own.clone_into(&mut found.name);
+                }
                 (found.config, found.taken_for) = (config, Some(name));
                 Ok(found)
             }
@@ -215,10 +218,21 @@ impl Checkpoint {
         self.index.keys().filter_map(|full| Some((full.as_str(), self.info_stored(full)?)))
     }
 
-    /// The file, the bytes and the type of a tensor of a known type, by its full name.
+    /// The file, the bytes and the type of a tensor of a known type, by its full name or an alias of it.
     pub(crate) fn stored(&self, full: &str) -> Option<(&TensorFile, &[u8], Dtype)> {
+        let full = if self.index.contains_key(full) { full } else { self.metadata.get(full)? };
         let file = &self.files[*self.index.get(full)?];
         Some((file, file.tensor_bytes(full)?, file.info(full)?.known()?))
+    }
+
+    /// The network's own tensors by full name, in the order of their names. A tensor that is stored under a name outside of the network has the
+    /// name that leads there.
+    pub(crate) fn network_tensors(&self) -> impl Iterator<Item = (&str, &TensorInfo)> {
+        let own = |name: &str| name.starts_with(&self.prefix);
+        let aliases = self.metadata.iter().filter(move |(alias, kept)| own(alias) && !own(kept));
+        let led = aliases.filter_map(|(alias, kept)| Some((alias.as_str(), self.info_stored(kept)?)));
+        let all: BTreeMap<&str, &TensorInfo> = self.tensors().filter(|(name, _)| own(name)).chain(led).collect();
+        all.into_iter()
     }
 
     fn info_stored(&self, full: &str) -> Option<&TensorInfo> {

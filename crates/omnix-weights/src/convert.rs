@@ -84,8 +84,8 @@ impl Conversion {
             write_json(&folder.join(INDEX), &index)?;
         }
         write_json(&config, checkpoint.config_json())?;
-        let foreign = |(name, _): (&str, _)| (!name.starts_with(checkpoint.key_prefix())).then(|| name.to_owned());
-        Ok(Converted { files, bytes: total, left_out: checkpoint.tensors().filter_map(foreign).collect() })
+        let left_out = checkpoint.tensors().map(|(name, _)| name).filter(|name| !map.contains_key(*name));
+        Ok(Converted { files, bytes: total, left_out: left_out.map(str::to_owned).collect() })
     }
 
     /// The tensors of each file, in the order of their names.
@@ -93,7 +93,7 @@ impl Conversion {
         let most = self.shard.unwrap_or(u64::MAX);
         let mut shards = vec![Vec::new()];
         let mut bytes = 0;
-        for (name, info) in checkpoint.tensors().filter(|(name, _)| name.starts_with(checkpoint.key_prefix())) {
+        for (name, info) in checkpoint.network_tensors() {
             // Types that nobody knows are of no use to anybody.
             let Some(stored) = info.known() else { continue };
             let dtype = self.dtype.filter(|_| stored.float().is_some()).map_or(stored, Float::dtype);
@@ -115,16 +115,43 @@ impl Conversion {
         let Some((file, bytes, stored)) = checkpoint.stored(&spec.name) else {
             return Err(WeightsError::TensorMissing { tensor: spec.name.clone(), path: checkpoint.path().to_owned() });
         };
-        for piece in bytes.chunks(PIECE) {
+        for (piece, first) in bytes.chunks(PIECE).zip((0..).step_by(PIECE / stored.size())) {
             match stored.float().filter(|_| stored != spec.dtype) {
                 Some(dtype) => {
-                    writer.write_f32(&spec.name, &TensorView { shape: &[], dtype, bytes: piece }.to_f32())?
+                    let numbers = TensorView { shape: &[], dtype, bytes: piece }.to_f32();
+                    if dtype == Float::F64 {
+                        fits(piece, &numbers, first, spec, checkpoint)?;
+                    }
+                    writer.write_f32(&spec.name, &numbers)?;
                 }
                 None => writer.write_bytes(&spec.name, piece)?,
             }
         }
         file.release(&spec.name);
         Ok(())
+    }
+}
+
+/// Whether every F64 that is finite is so as f32; the first of `numbers` is element `first` of its tensor.
+fn fits(
+    bytes: &[u8],
+    numbers: &[f32],
+    first: usize,
+    spec: &TensorSpec,
+    checkpoint: &Checkpoint,
+) -> Result<(), WeightsError> {
+    let wide = bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b));
+    match wide.zip(numbers).enumerate().find(|(_, (wide, number))| wide.is_finite() && !number.is_finite()) {
+        None => Ok(()),
+        Some((index, (value, _))) => Err(TensorError::DoesNotFit {
+            tensor: spec.name.clone(),
+            index: first + index,
+            value,
+            dtype: spec.dtype.name(),
+            wider: Dtype::F64.name(),
+            path: checkpoint.path().to_owned(),
+        }
+        .into()),
     }
 }
 

@@ -3,7 +3,7 @@
 #[cfg(feature = "io")]
 use std::path::PathBuf;
 
-use omnix_geometry::{AlignTo, Camera};
+use omnix_geometry::{AlignTo, Camera, fit_cameras};
 use omnix_kernels::WeightType;
 use omnix_model::backbone::ReferenceChoice;
 
@@ -132,6 +132,15 @@ impl Request {
             && cameras.len() != self.images
         {
             return wrong(format!("{} cameras for {} images", cameras.len(), self.images));
+        }
+        // What brings them and the network's own together needs three centres that are not on a line.
+        if let Some(cameras) = &self.cameras {
+            let poses: Vec<_> = cameras.iter().map(|camera| camera.extrinsics).collect();
+            if let Err(error) = fit_cameras(&poses, &poses) {
+                return wrong(format!(
+                    "known cameras that cannot be brought together with the network's own ({error})"
+                ));
+            }
         }
         Ok(())
     }

@@ -95,7 +95,7 @@ fn bad(path: &Path, reason: impl Into<String>) -> IoError {
     IoError::BadCameras { reason: reason.into(), path: path.to_owned() }
 }
 
-/// The lines that say something, with their numbers from 1.
+/// The lines that are no comments, empty ones too, with their numbers from 1.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().map(|(k, line)| (k + 1, line.trim())).filter(|(_, line)| !line.starts_with('#'))
 }
@@ -145,7 +145,14 @@ fn text_images(path: &Path, sensors: &HashMap<u32, Sensor>) -> Result<Vec<GivenC
         let world_to_camera = pose::from_quaternion([*qw, *qx, *qy, *qz], [*tx, *ty, *tz]).map_err(at)?;
         cameras.push(camera(sensors, sensor, name, world_to_camera).map_err(|reason| at(&reason))?);
         // The next line lists the points that the image sees; it is empty where there are none.
-        all.next();
+        if let Some((number, points)) = all.next()
+            && !points.split_whitespace().count().is_multiple_of(3)
+        {
+            return Err(bad(
+                path,
+                format!("line {number}: X, Y and POINT3D_ID of points are needed, or an empty line"),
+            ));
+        }
     }
     Ok(cameras)
 }

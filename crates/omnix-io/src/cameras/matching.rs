@@ -28,11 +28,22 @@ const SHAPE: f64 = 0.01;
 pub fn match_cameras(given: &GivenCameras, plan: &InputPlan) -> Result<Vec<MatchedCamera>, IoError> {
     let bad = |reason: String| IoError::BadCameras { reason, path: given.path.clone() };
     let index = Index::new(&given.cameras);
+    if given.cameras.is_empty() {
+        return Err(bad("it has no cameras".to_owned()));
+    }
     let (mut matched, mut without) = (Vec::with_capacity(plan.frames.len()), Vec::new());
+    let mut taken: HashMap<*const GivenCamera, &PlannedFrame> = HashMap::new();
     for frame in &plan.frames {
         let video = plan.sources.iter().any(|s| s.video == frame.video && matches!(s.kind, SourceKind::Video(_)));
         match index.find(frame, video).map_err(&bad)? {
-            Some(camera) => matched.push(fitted(camera, frame).map_err(&bad)?),
+            Some(camera) => {
+                let before = taken.insert(camera, frame);
+                if let (Some(before), PictureKey::Name(name)) = (before, &camera.picture) {
+                    let (a, b) = (before.path.display(), frame.path.display());
+                    return Err(bad(format!("{a} and {b} would both have its camera {name}: leave one of them out")));
+                }
+                matched.push(fitted(camera, frame).map_err(&bad)?);
+            }
             None => without.push(frame),
         }
     }

@@ -192,6 +192,7 @@ fn what_is_wrong_is_named() {
         ("1 1 0 0 0 0 0 inf 7 a.png", "not finite"),
         ("1 1 0 0 0 0 0 0 7", "NAME"),
         ("1 1 0 0 0 0 0 0 x a.png", "whole number"),
+        ("1 1 0 0 0 0 0 0 7 a.png\n2 1 0 0 0 0 0 0 7 b.png", "line 2: X, Y and POINT3D_ID"),
     ] {
         at("images.txt", line);
         refused(&images, part);
@@ -210,6 +211,8 @@ fn what_is_wrong_is_named() {
         (frame(OPENGL[1]).replace("64", "64.5"), "w and h"),
         (frame(OPENGL[1]).replace("\"w\"", "\"camera_model\":\"OPENCV_FISHEYE\",\"w\""), "FISHEYE"),
         (frame(OPENGL[1]).replace("\"w\"", "\"cx\":3,\"w\""), "cx and cy"),
+        (frame(OPENGL[1]).replace("\"w\"", "\"is_fisheye\":true,\"k1\":0.1,\"w\""), "fisheye"),
+        (frame(OPENGL[1]).replace("\"w\"", "\"k4\":0.1,\"w\""), "fisheye"),
     ] {
         std::fs::write(&json, text).unwrap();
         refused(&json, part);
@@ -257,6 +260,9 @@ fn cameras_for_other_pictures_are_refused() {
     assert!(message.contains("1 of 2") && message.contains("d.jpg") && message.contains("images.txt"), "{message}");
     let turned = PlannedFrame { width: 240, height: 320, ..frame(0, "c.jpg", None) };
     assert!(refuse(vec![turned]).contains("640x480 and this one has 240x320"));
+    // One camera for two pictures.
+    let message = refuse(vec![frame(0, "left/c.jpg", None), frame(1, "right/c.jpg", None)]);
+    assert!(message.contains("left/c.jpg and right/c.jpg"), "{message}");
     // Another ending is the same picture, another folder as well, unless two fit.
     assert!(match_cameras(&given, &plan(vec![frame(0, "elsewhere/c.png", None)])).is_ok());
     let mut doubled = given.clone();

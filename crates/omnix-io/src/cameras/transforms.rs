@@ -29,6 +29,7 @@ struct Frame {
 #[derive(Debug, Clone, Default, Deserialize)]
 struct LensFields {
     camera_model: Option<String>,
+    is_fisheye: Option<bool>,
     camera_angle_x: Option<f64>,
     camera_angle_y: Option<f64>,
     fl_x: Option<f64>,
@@ -41,8 +42,6 @@ struct LensFields {
     k2: Option<f64>,
     k3: Option<f64>,
     k4: Option<f64>,
-    k5: Option<f64>,
-    k6: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
 }
@@ -82,7 +81,7 @@ impl LensFields {
         macro_rules! either {
             ($($field:ident)*) => { Self { $($field: self.$field.or(all.$field.clone()),)* } };
         }
-        either!(camera_model camera_angle_x camera_angle_y fl_x fl_y cx cy w h k1 k2 k3 k4 k5 k6 p1 p2)
+        either!(camera_model is_fisheye camera_angle_x camera_angle_y fl_x fl_y cx cy w h k1 k2 k3 k4 p1 p2)
     }
 
     fn lens(&self) -> Result<(Lens, [u32; 2]), String> {
@@ -95,6 +94,12 @@ impl LensFields {
                 "a camera of the model {}, whose distortion cannot be taken out here: undistort the pictures first",
                 model.escape_debug()
             ));
+        }
+        // A fourth radial coefficient belongs to fisheye lenses.
+        if self.is_fisheye == Some(true) || self.k4.is_some_and(|k4| k4 != 0.0) {
+            return Err(
+                "a fisheye lens, whose distortion cannot be taken out here: undistort the pictures first".to_owned()
+            );
         }
         let side = |value: Option<f64>| value.filter(|v| v.fract() == 0.0 && (1.0..1e6).contains(v)).map(|v| v as u32);
         let (Some(w), Some(h)) = (side(self.w), side(self.h)) else {
@@ -113,7 +118,7 @@ impl LensFields {
         };
         let or_zero = |value: Option<f64>| value.unwrap_or(0.0);
         let distortion = Distortion {
-            radial: [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(or_zero),
+            radial: [self.k1, self.k2, self.k3, None, None, None].map(or_zero),
             tangential: [self.p1, self.p2].map(or_zero),
         };
         let finite = distortion

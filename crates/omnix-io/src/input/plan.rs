@@ -64,7 +64,7 @@ pub struct InputPlan {
 
 impl InputPlan {
     /// A name for each frame's picture, as files for other tools state it: the picture's own, or `VIDEO_NNNNNN.png` with the frame's number in
-    /// its video; behind the number of its input and a slash where names of several inputs are equal.
+    /// its video; behind the number of its input, or else of its image, and a slash where names are equal.
     #[must_use]
     pub fn picture_names(&self) -> Vec<String> {
         let is_video = |number: u32| {
@@ -79,12 +79,21 @@ impl InputPlan {
             }
         };
         let names: Vec<String> = self.frames.iter().map(name).collect();
-        let mut sorted: Vec<&String> = names.iter().collect();
-        sorted.sort_unstable();
-        if sorted.windows(2).all(|pair| pair[0] != pair[1]) {
+        let unique = |names: &[String]| {
+            let mut sorted: Vec<&String> = names.iter().collect();
+            sorted.sort_unstable();
+            sorted.windows(2).all(|pair| pair[0] != pair[1])
+        };
+        if unique(&names) {
             return names;
         }
-        names.iter().zip(&self.frames).map(|(name, frame)| format!("{}/{name}", frame.video)).collect()
+        let with_video: Vec<String> =
+            names.iter().zip(&self.frames).map(|(name, frame)| format!("{}/{name}", frame.video)).collect();
+        if unique(&with_video) {
+            return with_video;
+        }
+        // A pattern may match pictures of several folders.
+        names.iter().zip(&self.frames).map(|(name, frame)| format!("{:06}/{name}", frame.index)).collect()
     }
 
     /// The frame that takes the most memory to read.

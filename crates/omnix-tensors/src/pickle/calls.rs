@@ -1,7 +1,7 @@
 //! What calls give: dictionaries, tensors, and nothing else.
 
 use crate::pickle::names::{self, Meaning};
-use crate::pickle::values::{Element, Kind, Pickle, Rebuilt, Storage, Value};
+use crate::pickle::values::{Kind, Pickle, Rebuilt, Storage, Value};
 
 /// Axes of a tensor at most: PyTorch's own limit.
 const AXES: usize = 64;
@@ -55,7 +55,8 @@ impl Pickle<'_> {
         let element = match all.get(6).filter(|_| typed) {
             Some(Value::Global(at)) => {
                 let (module, name) = self.global(*at);
-                names::element(module, name).ok_or_else(|| format!("a tensor of the type {module}.{name}"))?
+                let Some(element) = names::element(module, name) else { return Ok(Value::Refused(Kind::Type)) };
+                element
             }
             Some(_) => return Err(bad()),
             None => self.storages[storage as usize].element,
@@ -85,8 +86,8 @@ impl Pickle<'_> {
         if names::is_quantised(module, name) {
             return Ok(Value::Refused(Kind::Quantised));
         }
-        let element: Element =
-            names::element(module, name).ok_or_else(|| format!("a storage of the class {module}.{name}"))?;
+        // What is not known is refused where it belongs to the network.
+        let Some(element) = names::element(module, name) else { return Ok(Value::Refused(Kind::Type)) };
         let count = u64::try_from(count).map_err(|_| bad())?;
         self.storages.push(Storage { key, element, count });
         Ok(Value::Storage(self.storages.len() as u32 - 1))

@@ -1,31 +1,15 @@
 //! The machine that a pickle is written for: a stack, marks on it, and a memo.
 
-use std::collections::HashMap;
-
+use crate::pickle::stack::Machine;
 use crate::pickle::values::{Pickle, Span, Value};
 use crate::pickle::{Flaw, names};
 
-/// The state between two instructions.
-pub(super) struct Machine<'a> {
-    pickle: Pickle<'a>,
-    stack: Vec<Value>,
-    /// Heights of the stack.
-    marks: Vec<usize>,
-    memo: HashMap<u32, Value>,
-    /// Where the next instruction is.
-    at: usize,
-    /// Values that may still be made.
-    room: usize,
-}
-
+/// Bytes of a class's name at most.
+const LONGEST_NAME: usize = 1024;
 /// Values that a table, or an entry of the memo, counts as.
 const TABLE: usize = 4;
 
 impl<'a> Machine<'a> {
-    pub(super) fn new(bytes: &'a [u8], room: usize) -> Self {
-        Self { pickle: Pickle::new(bytes), stack: Vec::new(), marks: Vec::new(), memo: HashMap::new(), at: 0, room }
-    }
-
     /// Follows the instructions to the end.
     pub(super) fn run(mut self) -> Result<Pickle<'a>, Flaw> {
         if u32::try_from(self.pickle.bytes.len()).is_err() {
@@ -241,11 +225,16 @@ impl<'a> Machine<'a> {
     fn call(&mut self, function: Value, arguments: Value) -> Result<(), String> {
         self.pay(TABLE)?;
         let value = self.pickle.call(function, arguments)?;
+        // A dictionary may be made of a list of pairs that was put aside.
+        self.pay(2 * self.pickle.dict(value).map_or(0, <[_]>::len))?;
         self.push(value)
     }
 
     fn global(&mut self, module: Span, name: Span) -> Result<(), String> {
         self.pay(1)?;
+        if module.len() + name.len() > LONGEST_NAME {
+            return Err("a class whose name is longer than any".to_owned());
+        }
         self.pickle.globals.push((module, name));
         let at = self.pickle.globals.len() as u32 - 1;
         let (module, name) = self.pickle.global(at);
@@ -363,76 +352,4 @@ impl<'a> Machine<'a> {
         self.at += 1;
         Ok(span)
     }
-
-    fn push(&mut self, value: Value) -> Result<(), String> {
-        self.pay(1)?;
-        self.stack.push(value);
-        Ok(())
-    }
-
-    /// The top of the stack above the last mark, taken away.
-    fn pop(&mut self) -> Result<Value, String> {
-        self.floor(1)?;
-        self.stack.pop().ok_or_else(empty)
-    }
-
-    fn top(&self) -> Result<Value, String> {
-        self.floor(1)?;
-        self.stack.last().copied().ok_or_else(empty)
-    }
-
-    /// Where the last `count` values begin, which lie above the last mark.
-    fn floor(&self, count: usize) -> Result<usize, String> {
-        let floor = self.marks.last().copied().unwrap_or(0);
-        self.stack.len().checked_sub(count).filter(|&start| start >= floor).ok_or_else(empty)
-    }
-
-    /// All above the last mark, which is taken away as well.
-    fn marked(&mut self) -> Result<Vec<Value>, String> {
-        let mark = self.marks.pop().ok_or("the end of a group that never began")?;
-        Ok(self.stack.split_off(mark))
-    }
-
-    fn pay(&mut self, values: usize) -> Result<(), String> {
-        let left = self.room.checked_sub(values);
-        self.room = left.ok_or("more values than a checkpoint of this length can have")?;
-        Ok(())
-    }
-
-    fn byte(&mut self) -> Result<u8, String> {
-        self.array().map(|[byte]| byte)
-    }
-
-    fn u64(&mut self) -> Result<u64, String> {
-        self.array().map(u64::from_le_bytes)
-    }
-
-    fn length4(&mut self) -> Result<usize, String> {
-        let length = u32::from_le_bytes(self.array()?);
-        usize::try_from(length).map_err(|_| cut())
-    }
-
-    fn length8(&mut self) -> Result<usize, String> {
-        usize::try_from(self.u64()?).map_err(|_| cut())
-    }
-
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
-        let span = self.take(N)?;
-        self.pickle.span(span).first_chunk().copied().ok_or_else(cut)
-    }
-
-    fn take(&mut self, length: usize) -> Result<Span, String> {
-        let end = self.at.checked_add(length).filter(|&end| end <= self.pickle.bytes.len()).ok_or_else(cut)?;
-        let span = Span::new(self.at, length);
-        self.at = end;
-        Ok(span)
-    }
-}
-
-fn cut() -> String {
-    "the end of the pickle in the middle of an instruction".to_owned()
-}
-
-fn empty() -> String {
-    "an instruction that takes more values than there are".to_owned()
 }

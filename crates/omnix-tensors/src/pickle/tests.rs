@@ -100,7 +100,7 @@ fn attacks_are_named() {
         ("subprocess", "Popen"),
         ("builtins", "eval"),
         ("builtins", "exec"),
-        ("__builtin__", "getattr"),
+        ("__builtin__", "compile"),
         ("builtins", "__import__"),
         ("importlib", "import_module"),
         ("runpy", "run_path"),
@@ -167,6 +167,20 @@ fn depth_and_number_are_bounded_by_room_alone() {
     // Doubling: each list holds the one before twice.
     let double = [&b"]"[..], &[b'2', b'2', b'a'].repeat(500)].concat();
     assert!(read(&pickle(&[&double]), ROOM).is_err());
+}
+
+#[test]
+fn what_is_put_aside_cannot_be_had_again_and_again() {
+    // A list of 200 pairs, made into dictionaries without end; and a long text, wanted as a name.
+    let pairs = [&b"]("[..], &b"NN\x86".repeat(200), b"eq\x00"].concat();
+    let again = b"ccollections\nOrderedDict\nh\x00\x85R".repeat(40);
+    let bytes = pickle(&[&pairs, &again, b"."]);
+    assert!(read(&bytes, 10_000).unwrap_err().reason.contains("more values"));
+    let long = [&b"X"[..], &5000u32.to_le_bytes(), &[b'a'; 5000]].concat();
+    let bytes = pickle(&[&long]);
+    let read_once = read(&bytes, ROOM).unwrap();
+    assert_eq!(read_once.text(read_once.root()), None);
+    assert!(flaw(&[&long, b"\x8c\x01b\x93"]).contains("longer than any"));
 }
 
 /// All that cutting, and changing any byte of, a pickle with every kind of value gives: an error or a value, no panic.

@@ -41,6 +41,8 @@ pub(crate) enum Kind {
     Meta,
     /// A class of somebody's own.
     Subclass,
+    /// Numbers of a type that is not known.
+    Type,
 }
 
 impl Kind {
@@ -52,6 +54,7 @@ impl Kind {
             Self::Nested => "a nested tensor",
             Self::Meta => "a tensor without numbers (of the device meta)",
             Self::Subclass => "a tensor of a class of its own",
+            Self::Type => "a tensor of numbers of a type that is not known here",
         }
     }
 }
@@ -121,9 +124,13 @@ impl<'a> Pickle<'a> {
         self.root
     }
 
-    /// A text, if the value is one.
+    /// A text of a length that names have, if the value is one. (Longer ones could be looked at again and again.)
     pub(crate) fn text(&self, value: Value) -> Option<&'a str> {
-        if let Value::Text(span) = value { std::str::from_utf8(self.span(span)).ok() } else { None }
+        const LONGEST: usize = 4096;
+        match value {
+            Value::Text(span) if span.len() <= LONGEST => std::str::from_utf8(self.span(span)).ok(),
+            _ => None,
+        }
     }
 
     /// The items of a dictionary, in the order they were put in, if the value is one.
@@ -163,5 +170,9 @@ impl Span {
     /// `length` bytes from `start` on; a pickle is shorter than 4 GiB.
     pub(super) const fn new(start: usize, length: usize) -> Self {
         Self { start: start as u32, length: length as u32 }
+    }
+
+    pub(super) const fn len(self) -> usize {
+        self.length as usize
     }
 }

@@ -11,6 +11,8 @@ use crate::pytorch::state::State;
 
 /// The entry of the metadata that names what was left out.
 const BESIDE: &str = "left out";
+/// Names in it at most.
+const NAMED: usize = 20;
 
 /// A tensor that was checked against its storage.
 #[derive(Debug)]
@@ -50,9 +52,11 @@ pub(super) fn place<'p>(
             header.metadata.insert(view.name.to_owned(), kept.name.to_owned());
             continue;
         }
-        let in_place = view.in_order && last.is_none_or(|last| last.range.end <= view.range.start);
+        // No bytes lie over no others.
+        let empty = view.range.is_empty();
+        let in_place = view.in_order && (empty || last.is_none_or(|last| last.range.end <= view.range.start));
         let range = if in_place {
-            last = Some(view);
+            last = if empty { last } else { Some(view) };
             view.range.clone()
         } else {
             let start = checkpoint.ordered.len();
@@ -66,7 +70,11 @@ pub(super) fn place<'p>(
         checkpoint.header.tensors.insert(view.name.to_owned(), info);
     }
     if !state.beside.is_empty() {
-        checkpoint.header.metadata.insert(BESIDE.to_owned(), state.beside.join(", "));
+        let mut named = state.beside[..state.beside.len().min(NAMED)].join(", ");
+        if state.beside.len() > NAMED {
+            named += &format!(" and {} more", state.beside.len() - NAMED);
+        }
+        checkpoint.header.metadata.insert(BESIDE.to_owned(), named);
     }
     Ok(checkpoint)
 }
@@ -100,8 +108,15 @@ impl<'p> View<'p> {
             return Err(outside());
         }
         let start = entry.start + offset * dtype.size();
-        // Of no elements: along one axis none, whatever the others say.
+        // Of no elements: along one axis none, whatever the others say, as long as they can be counted.
         if shape.contains(&0) {
+            let others = shape
+                .iter()
+                .filter(|&&side| side > 0)
+                .try_fold(dtype.size(), |product, &side| product.checked_mul(side));
+            if others.is_none() {
+                return Err("its shape is larger than any memory".to_owned());
+            }
             let range = start..start;
             return Ok(Self { name, dtype, shape, stride, range, in_order: true });
         }

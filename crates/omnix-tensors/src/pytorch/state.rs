@@ -21,12 +21,10 @@ pub(super) fn find<'p>(pickle: &'p Pickle<'p>) -> Result<State<'p>, Flaw> {
     // A state may lie in two such places, one in the other.
     for _ in 0..3 {
         let Some(items) = pickle.dict(at) else { return Err(not_a_state(at)) };
-        if items.iter().any(|(_, value)| is_tensor(*value)) {
-            break;
-        }
         let named = |name: &str| {
             items.iter().rev().find(|(key, value)| pickle.text(*key) == Some(name) && holds(pickle, *value))
         };
+        // Single tensors may lie beside such a place: the best accuracy, the state of a random generator.
         let Some((inner, (_, next))) = PLACES.iter().find_map(|name| Some((*name, named(name)?))) else { break };
         beside.extend(items.iter().filter_map(|(key, _)| pickle.text(*key)).filter(|key| *key != inner));
         at = *next;

@@ -107,6 +107,8 @@ fn views_of_one_storage_are_read_in_order() {
         f("last", "0", 12, 11, &[], &[]),
         f("sparse rows", "0", 12, 1, &[2, 2], &[6, 2]),
         f("nothing", "0", 12, 12, &[0, 5], &[5, 1]),
+        f("nothing inside", "0", 12, 3, &[0], &[1]),
+        f("nothing odd", "0", 12, 3, &[0, 1 << 40], &[0, 0]),
         f("one", "0", 12, 3, &[1, 1], &[77, 99]),
         f("again", "0", 12, 0, &[3, 4], &[4, 1]),
         f("flat", "0", 12, 0, &[12], &[1]),
@@ -123,6 +125,9 @@ fn views_of_one_storage_are_read_in_order() {
     assert_eq!(numbers(&file, "sparse rows"), [1., 3., 7., 9.]);
     assert_eq!((numbers(&file, "nothing"), file.info("nothing").unwrap().shape.clone()), (vec![], vec![0, 5]));
     assert_eq!(numbers(&file, "one"), [3.0]);
+    for name in ["nothing inside", "nothing odd"] {
+        assert_eq!((file.info(name).unwrap().byte_len(), file.info(name).unwrap().elements()), (0, 0), "{name}");
+    }
 }
 
 #[test]
@@ -156,7 +161,13 @@ fn networks_are_found_beside_other_things() {
     let tensor = Described::floats("net.a", "0", 12, 0, &[12], &[1]);
     let network = state(std::slice::from_ref(&tensor));
     let optimiser = dictionary(&[("state", b"}".to_vec()), ("lr", b"G\x3f\xf8\0\0\0\0\0\0".to_vec())]);
-    let shapes: [(&str, Vec<u8>); 5] = [
+    let odd = Described { class: "ComplexDoubleStorage", ..tensor.clone() }.instructions();
+    let shapes: [(&str, Vec<u8>); 6] = [
+        // Single tensors beside it, also of types that are not known.
+        (
+            "rng_state, best",
+            dictionary(&[("rng_state", tensor.instructions()), ("best", odd), ("state_dict", network.clone())]),
+        ),
         ("", network.clone()),
         (
             "epoch, optimizer",
@@ -216,6 +227,7 @@ fn tensors_that_contradict_their_storage_are_refused() {
         (f("a", "0", 12, i64::MAX, &[1], &[1]), "beyond its storage"),
         (f("a", "0", 12, 0, &[2, 2], &[i64::MAX, 1]), "beyond its storage"),
         (f("a", "0", 12, 0, &[i64::MAX, i64::MAX, 4], &[1, 1, 1]), "more elements"),
+        (f("a", "0", 12, 0, &[1 << 40, 1 << 40, 0], &[1, 1, 1]), "larger than any memory"),
         (f("a", "0", 12, 0, &[-1], &[1]), "shape and strides"),
         (f("a", "0", 12, -1, &[1], &[1]), "shape and strides"),
         (f("a", "0", 12, 0, &[2, 2], &[1]), "shape and strides"),
@@ -226,7 +238,7 @@ fn tensors_that_contradict_their_storage_are_refused() {
         (f("a", "1", 12, 0, &[1], &[1]), "no entry a/data/1"),
         (f("a", "../../data/0", 12, 0, &[1], &[1]), "no entry"),
         (Described { class: "QInt8Storage", ..f("a", "0", 48, 0, &[1], &[1]) }, "a quantised tensor"),
-        (Described { class: "Float4Storage", ..f("a", "0", 12, 0, &[1], &[1]) }, "torch.Float4Storage"),
+        (Described { class: "Float4Storage", ..f("a", "0", 12, 0, &[1], &[1]) }, "a type that is not known"),
     ];
     for (tensor, part) in cases {
         let message = of(&[tensor]).unwrap_err();
