@@ -41,7 +41,7 @@ fn a_checkpoint_of_pytorch_runs_and_converts() {
     let frames = folder(dir.path(), 1);
     let depth = |name: &str, weights: &str| {
         let out = dir.path().join(name);
-        reconstruct(&frames, &out, &["--weights", weights, "--export", "npz"]).ok();
+        reconstruct(&frames, &out, &["--weights", weights, "--size", "84x56", "--export", "npz"]).ok();
         fs::read(out.join("exports/npz/results.npz")).unwrap()
     };
     let embedded = depth("a", "nano");

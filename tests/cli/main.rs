@@ -17,8 +17,7 @@ mod interrupted;
 mod limits;
 mod messages;
 mod motion;
-#[expect(unreachable_pub, reason = "the harness has it for all")]
-#[path = "../harness/pytorch.rs"]
+#[expect(unreachable_pub, reason = "the harness has it as well")]
 mod pytorch;
 mod scenes;
 mod surroundings;

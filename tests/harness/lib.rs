@@ -6,6 +6,7 @@ pub mod compare;
 pub mod family;
 pub mod interpret;
 pub mod losses;
+#[path = "../cli/pytorch.rs"]
 pub mod pytorch;
 pub mod rng;
 pub mod trials;

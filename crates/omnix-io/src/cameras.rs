@@ -10,54 +10,20 @@
 //! network's cameras are. Units are the file's own. Nothing is guessed: what a file does not say, or says twice, is an error that names it.
 
 mod colmap;
+mod given;
 mod lens;
 mod matching;
 mod pose;
 mod transforms;
 mod tum;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+pub use given::{GivenCamera, GivenCameras, PictureKey};
 pub use lens::{Distortion, Lens};
 pub use matching::{MatchedCamera, match_cameras};
 
 use crate::IoError;
-
-/// Which picture a camera is of.
-#[derive(Debug, Clone, PartialEq)]
-pub enum PictureKey {
-    /// A name, perhaps with folders in front, and perhaps without an ending.
-    Name(String),
-    /// A time in seconds.
-    Time(f64),
-}
-
-/// A camera as a file gives it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GivenCamera {
-    /// Its picture.
-    pub picture: PictureKey,
-    /// Width and height of the picture that the lens is for; that of the picture itself where the file does not say.
-    pub size: Option<[u32; 2]>,
-    /// The lens.
-    pub lens: Lens,
-    /// World-to-camera `[R|t]`, OpenCV axes.
-    pub world_to_camera: [[f32; 4]; 3],
-}
-
-/// Cameras of one file or model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GivenCameras {
-    /// Each once.
-    pub cameras: Vec<GivenCamera>,
-    /// The name of the format.
-    pub format: &'static str,
-    /// Where they were read.
-    pub path: PathBuf,
-}
-
-/// Bytes of a text file of cameras at most; a line of a thousand bytes for each of a hundred thousand pictures.
-const LONGEST: u64 = 100 << 20;
 
 /// Reads cameras: a folder with a COLMAP model (also one with `sparse/0` or `sparse`), one of the model's files, `transforms.json`, or a trajectory.
 ///
@@ -88,12 +54,6 @@ pub fn read(path: &Path) -> Result<GivenCameras, IoError> {
         Some("txt" | "tum") => tum::read(path),
         _ => Err(bad("cameras are read from COLMAP models, transforms.json and TUM trajectories (.txt, .tum)")),
     }
-}
-
-/// The text of a file of cameras.
-fn text(path: &Path) -> Result<String, IoError> {
-    omnix_tensors::read_text(path, LONGEST)
-        .map_err(|error| IoError::BadCameras { reason: error.to_string(), path: path.to_owned() })
 }
 
 #[cfg(test)]

@@ -12,16 +12,9 @@ mod state;
 
 use std::path::Path;
 
-use crate::info::Header;
 use crate::{TensorError, pickle};
 use archive::{Archive, Flaw};
-
-/// The tensors of a checkpoint, and the bytes of those that do not lie in order in the file; their ranges begin where the file ends.
-#[derive(Debug)]
-pub(crate) struct Checkpoint {
-    pub(crate) header: Header,
-    pub(crate) ordered: Vec<u8>,
-}
+pub(crate) use layout::Checkpoint;
 
 /// Bytes of the file for each value that its pickle may make; a value takes 16 bytes, and a tensor about 40 values.
 const BYTES_A_VALUE: usize = 16;

@@ -22,6 +22,7 @@ mod known;
 mod locate;
 mod manifest;
 pub mod names;
+mod open;
 mod published;
 mod report;
 mod verify;

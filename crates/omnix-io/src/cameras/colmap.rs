@@ -5,8 +5,9 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
+use super::given::{GivenCamera, GivenCameras, PictureKey, text};
 use super::lens::{Distortion, Lens};
-use super::{GivenCamera, GivenCameras, PictureKey, pose, text};
+use super::pose;
 use crate::IoError;
 
 /// The two files of a model that are read.

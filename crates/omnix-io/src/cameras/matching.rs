@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::{GivenCamera, GivenCameras, Lens, PictureKey};
+use super::given::{GivenCamera, GivenCameras, PictureKey};
+use super::lens::Lens;
 use crate::IoError;
 use crate::input::{InputPlan, PlannedFrame, SourceKind};
 

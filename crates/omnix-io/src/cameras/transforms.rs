@@ -7,8 +7,9 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
+use super::given::{GivenCamera, GivenCameras, PictureKey, text};
 use super::lens::{Distortion, Lens};
-use super::{GivenCamera, GivenCameras, PictureKey, pose, text};
+use super::pose;
 use crate::IoError;
 
 #[derive(Debug, Deserialize)]

@@ -8,8 +8,9 @@ use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::given::{GivenCamera, GivenCameras, PictureKey, text};
 use super::lens::{Distortion, Lens};
-use super::{GivenCamera, GivenCameras, PictureKey, pose, text};
+use super::pose;
 use crate::IoError;
 
 /// The file with the lens.

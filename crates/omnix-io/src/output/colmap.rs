@@ -6,6 +6,7 @@
 //! point lies where its depth says, so of several images those points stay that two agree on: what moves drops out. An observation is the
 //! point's projection; its error is therefore 0.
 
+mod model;
 mod points;
 mod write;
 
@@ -17,6 +18,7 @@ use super::camera::Camera;
 use super::format::{FileKind, Format, Points};
 use super::frame::{FrameResult, RunSummary, Sink};
 use crate::IoError;
+use model::Image;
 use points::Cloud;
 
 /// The two forms: folder, and ending of its files.
@@ -46,19 +48,6 @@ pub(super) const FORMAT: Format = Format {
     }),
     ..Format::NONE
 };
-
-/// An image of the model.
-struct Image {
-    name: String,
-    size: [u32; 2],
-    /// fx, fy, cx, cy at that size.
-    pinhole: [f64; 4],
-    /// World-to-camera.
-    rotation: DQuat,
-    translation: DVec3,
-    /// Where it sees points: x, y in pixels of the source picture, and the point's place in the cloud.
-    seen: Vec<([f64; 2], u32)>,
-}
 
 struct ColmapSink {
     dir: PathBuf,

@@ -42,8 +42,10 @@ pub(super) const FORMAT: Format = Format {
             points: Points::None,
         },
     ],
-    // What waits, and a film that hardly shrank.
-    disk: |size| size.all().saturating_mul(10),
+    // What waits, and a film and a poster of enlarged pictures.
+    disk: |size| {
+        size.all().saturating_mul(10).saturating_add(size.images.saturating_mul(100_000)).saturating_add(1 << 20)
+    },
     memory: |size| size.pixels.saturating_mul(60).saturating_add(SAMPLE as u64 * 40),
     frames: Some(|dir, options| Ok(Box::new(PreviewSink::new(dir, options)?))),
     ..Format::NONE

@@ -5,9 +5,15 @@ use std::ops::Range;
 use crate::Dtype;
 use crate::info::{Header, TensorInfo};
 use crate::pickle::{Element, Pickle, Rebuilt};
-use crate::pytorch::Checkpoint;
 use crate::pytorch::archive::{Archive, Flaw};
 use crate::pytorch::state::State;
+
+/// The tensors of a checkpoint, and the bytes of those that do not lie in order in the file; their ranges begin where the file ends.
+#[derive(Debug)]
+pub(crate) struct Checkpoint {
+    pub(crate) header: Header,
+    pub(crate) ordered: Vec<u8>,
+}
 
 /// The entry of the metadata that names what was left out.
 const BESIDE: &str = "left out";

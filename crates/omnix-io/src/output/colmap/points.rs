@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::Image;
+use super::model::Image;
 use crate::output::camera::Camera;
 use crate::output::frame::FrameResult;
 

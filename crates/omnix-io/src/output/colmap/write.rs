@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::Image;
+use super::model::Image;
 use super::points::Point;
 use crate::IoError;
 use crate::output::atomic::AtomicFile;
