@@ -29,9 +29,9 @@ fn one_photo_with_every_export() {
     picture(&photo, 400, 240, 0);
     let ran = reconstruct(&photo, &out, &["--export", ALL]).ok();
     assert!(ran.out.is_empty(), "standard output is for machines: {}", ran.out);
-    assert!(ran.err.contains("manifest.json") && ran.err.contains("stand-in"), "{}", ran.err);
+    assert!(ran.err.contains("manifest.json") && ran.err.contains("very small network"), "{}", ran.err);
     let manifest = manifest_holds(&out, 1);
-    assert!(manifest["weights"]["note"].as_str().unwrap().contains("toy scenes"));
+    assert!(manifest["weights"]["note"].as_str().unwrap().contains("made rooms"));
     assert_eq!(manifest["settings"]["preparation"]["size"], serde_json::json!([140, 84]));
 
     let npz = out.join("exports/npz/results.npz");

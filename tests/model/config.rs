@@ -36,7 +36,7 @@ fn omnix_is_read() {
     assert_eq!(Network::new(mixed).default_reference(), ReferenceChoice::First);
 
     let nano = NetworkConfig::from_json(&fixture::nano()).unwrap();
-    assert_eq!((nano.backbone.width, nano.backbone.blocks, nano.backbone.head_dim()), (192, 8, 64));
+    assert_eq!((nano.backbone.width, nano.backbone.blocks, nano.backbone.head_dim()), (192, 6, 64));
     fixture::config("single-video");
 }
 

@@ -246,10 +246,11 @@ fn omnix_encoder_and_geometry() {
     }
 }
 
-/// The checkpoint inside the repository from pictures to depth, rays and cameras.
+/// The network that the program embedded first, from pictures to depth, rays and cameras.
 #[test]
-fn nano_from_pictures_to_depth() {
-    let weights = fixture::root().join("assets/weights/nano");
+#[cfg_attr(not(shared), ignore = "../shared is not there")]
+fn the_first_nano_from_pictures_to_depth() {
+    let weights = fixture::root().join("../shared/weights/nano");
     let file = fixture::root().join("tests/data/model/nano.safetensors");
     let case = Case::open(&weights, &file, "in.image_normalised");
     let pixels = case.f32("in.image_normalised");

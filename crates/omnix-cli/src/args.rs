@@ -51,8 +51,8 @@ pub(crate) struct RunArgs {
     #[arg(long, help_heading = "Frames")]
     pub(crate) strict: bool,
 
-    /// Checkpoint: a folder with config.json and model.safetensors, such a file, or the name `nano` of the small stand-in
-    /// inside this program.
+    /// Checkpoint: a folder with config.json and model.safetensors, such a file or PyTorch's, a repository in the Hugging Face hub's cache, or
+    /// `nano`, the very small network inside this program.
     #[arg(long, value_name = "PATH|NAME", default_value = "nano", help_heading = "Network")]
     pub(crate) weights: String,
     /// How weights are stored on the device; f16 takes half the memory, i8 (linear layers; convolutions are f16) about a

@@ -14,8 +14,10 @@ use crate::error::CliError;
 
 /// Patches of 504x280 pixels.
 const PATCHES: f64 = 36.0 * 20.0;
-/// Patches of 140x84 pixels, where the embedded checkpoint was trained.
+/// Patches of 140x84 pixels, near those where the embedded network was trained: 112x84 and 84x112.
 const PATCHES_NANO: f64 = 10.0 * 6.0;
+/// Patches of 84x112 pixels, the tallest pictures that the embedded network was trained with.
+const PATCHES_NANO_TALL: f64 = 6.0 * 8.0;
 
 /// Share of a picture below which so little of it is kept that its owner is told.
 const MUCH: f64 = 0.8;
@@ -64,8 +66,12 @@ impl Preparation {
                         "{option} is for Depth Anything 3; this is an OmniX network: use --size WxH"
                     )));
                 }
-                let patches = if weights.note().is_some() { PATCHES_NANO } else { PATCHES };
                 let shape = input.frames.first().map_or((504, 280), |f| (f.width, f.height));
+                let (shape, patches) = match weights.note() {
+                    Some(_) if 4 * u64::from(shape.0) < 3 * u64::from(shape.1) => ((3, 4), PATCHES_NANO_TALL),
+                    Some(_) => (shape, PATCHES_NANO),
+                    None => (shape, PATCHES),
+                };
                 let (width, height) = args.size.unwrap_or_else(|| fitting(shape, patches));
                 Ok(Self::OmniX(OmnixPreprocess { width, height }))
             }
@@ -165,6 +171,7 @@ mod tests {
     #[test]
     fn default_sizes() {
         assert_eq!(fitting((1920, 1152), PATCHES_NANO), (140, 84));
+        assert_eq!(fitting((3, 4), PATCHES_NANO_TALL), (84, 112));
         assert_eq!(fitting((504, 280), PATCHES), (504, 280));
         let (w, h) = fitting((480, 852), PATCHES_NANO);
         assert!(w < h && w % 14 == 0 && (40..=80).contains(&(w / 14 * (h / 14))), "{w}x{h}");

@@ -267,7 +267,7 @@ fn report(run: &Run<'_>, files: &[PathBuf], since: Instant, ui: &mut Ui) {
     if note.is_some() {
         let name = run.job.weights.checkpoint().name();
         ui.say(&format!(
-            "note: {name} is a small stand-in: it shows that everything works, not how well (manifest.json says more)"
+            "note: {name} is a very small network: it shows that everything works, not how well (manifest.json says more)"
         ));
     }
 }

@@ -226,7 +226,7 @@ fn other_networks_newer_ones_and_damaged_ones_are_refused() {
     let mut other = recipe(CONFIG);
     other.network_json["backbone"]["depth"] = 12.into();
     let text = Session::open(other, dir.path()).unwrap_err().to_string();
-    assert!(text.contains("backbone.depth is 8 there and 12 here"), "{text}");
+    assert!(text.contains("backbone.depth is 6 there and 12 here"), "{text}");
     let trainer = dir.path().join("last/trainer.json");
     let original = fs::read_to_string(&trainer).unwrap();
     fs::write(&trainer, original.replace("\"format\": 1", "\"format\": 2, \"unheard\": 3")).unwrap();
