@@ -14,6 +14,7 @@ mod hand_out;
 mod happy;
 #[cfg(unix)]
 mod interrupted;
+mod known_cameras;
 mod limits;
 mod messages;
 mod motion;

@@ -21,7 +21,7 @@ use omnix::io::{Export, SinkOptions, open_sinks, write_manifest};
 use omnix::{DeviceInfo, Engine, Event, FieldPlace, OmnixError, RunPlan, Session, Tier};
 use serde_json::{Map, Value, json};
 
-use crate::args::{OutArgs, RunArgs};
+use crate::args::{Cameras, OutArgs, RunArgs};
 use crate::error::CliError;
 use crate::job::{self, Job};
 use crate::ui::Ui;
@@ -160,9 +160,13 @@ fn first(names: &[String]) -> Option<String> {
 }
 
 fn sink_options(args: &RunArgs) -> SinkOptions {
-    let default = SinkOptions::default();
+    let mut default = SinkOptions::default();
     let points = args.points.map(|n| n as usize);
     let (percentile, most) = (default.glb_confidence_percentile, default.glb_max_points);
+    // Depth is brought to the known cameras' scale.
+    if matches!(args.cameras, Cameras::Known(_)) {
+        default.unit = "that of the known cameras".to_owned();
+    }
     default
         .ply_confidence_percentile(args.conf_percentile)
         .ply_max_points(points)
