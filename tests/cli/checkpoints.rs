@@ -63,3 +63,24 @@ fn an_attack_is_named_and_not_run() {
         omnix(&["weights", command, path]).fails(3, &["os.system", "Nothing was run", "model.pt"]);
     }
 }
+
+#[test]
+fn repositories_are_found_in_the_cache_of_the_hub() {
+    let cache = tempfile::tempdir().unwrap();
+    let folder = cache.path().join("models--somebody--nano-copy");
+    let snapshot = folder.join("snapshots/0123abcd");
+    fs::create_dir_all(&snapshot).unwrap();
+    fs::create_dir_all(folder.join("refs")).unwrap();
+    fs::write(folder.join("refs/main"), "0123abcd").unwrap();
+    for name in ["config.json", "model.safetensors"] {
+        fs::copy(root().join("assets/weights/nano").join(name), snapshot.join(name)).unwrap();
+    }
+    let info = |name: &str| {
+        let mut command = crate::common::program();
+        crate::common::finish(command.args(["weights", "info", name]).env("HF_HUB_CACHE", cache.path()))
+    };
+    assert!(info("somebody/nano-copy").ok().out.contains("6.71 M"));
+    // One that is published and was not downloaded: where it would be, and that it is to be downloaded.
+    info("DA3-SMALL").fails(3, &["models--depth-anything--DA3-SMALL", "download"]);
+    info("no such thing").fails(3, &["no checkpoint there"]);
+}
