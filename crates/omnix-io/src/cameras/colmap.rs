@@ -145,7 +145,7 @@ fn text_images(path: &Path, sensors: &HashMap<u32, Sensor>) -> Result<Vec<GivenC
         let sensor = sensor.parse().map_err(|_| at("CAMERA_ID is a whole number"))?;
         let world_to_camera = pose::from_quaternion([*qw, *qx, *qy, *qz], [*tx, *ty, *tz]).map_err(at)?;
         cameras.push(camera(sensors, sensor, name, world_to_camera).map_err(|reason| at(&reason))?);
-        // The next line lists the points that the image sees; it is empty where there are none.
+        // The next line lists the points that the image sees; it is empty where it sees no point.
         if let Some((number, points)) = all.next()
             && !points.split_whitespace().count().is_multiple_of(3)
         {

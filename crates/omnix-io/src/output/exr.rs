@@ -15,7 +15,7 @@ pub(super) const FORMAT: Format = Format {
     name: "exr",
     files: &[FileKind::of_images(
         "exports/exr/NNNNNN.exr",
-        "depth along the camera's axis (channel Z; infinite where there is none) and confidence, f32",
+        "depth along the camera's axis (channel Z; infinite where a pixel has no depth) and confidence, f32",
     )],
     disk: |size| size.all().saturating_mul(8).saturating_add(size.images.saturating_mul(1000)),
     // The numbers and the file.

@@ -47,7 +47,7 @@ pub struct SourcePicture<'a> {
     pub framing: Framing,
 }
 
-/// [`SourcePicture`], or the image itself where there is none.
+/// [`SourcePicture`], or the image itself where that is not given.
 pub(super) struct Source {
     pub(super) name: String,
     pub(super) size: [u32; 2],

@@ -13,6 +13,7 @@ use glam::DMat3;
 
 use super::atomic::AtomicFile;
 use super::camera::Camera;
+use super::colour::linear16;
 use super::format::{FileKind, Format, Points};
 use super::motion::{MotionView, MovingPoints};
 use super::options::check_rate;
@@ -66,7 +67,8 @@ fn write(path: &Path, points: &MovingPoints, fps: f64) -> Result<PathBuf, IoErro
     }
     put("        }\n        color3f[] primvars:displayColor = [")?;
     for (n, &k) in kept.iter().enumerate() {
-        let [r, g, b] = points.colours[k].map(linear);
+        // USD's colours are linear, pictures are sRGB.
+        let [r, g, b] = points.colours[k].map(|value| f64::from(linear16(value)) / 65535.0);
         put(&format!("{}({r:.4}, {g:.4}, {b:.4})", separator(n)))?;
     }
     put("] (\n            interpolation = \"vertex\"\n        )\n")?;
@@ -88,12 +90,6 @@ fn write(path: &Path, points: &MovingPoints, fps: f64) -> Result<PathBuf, IoErro
 /// What stands before item k of a list.
 const fn separator(k: usize) -> &'static str {
     if k == 0 { "" } else { ", " }
-}
-
-/// A share of a colour's light: USD's colours are linear, pictures are sRGB (IEC 61966-2-1).
-fn linear(value: u8) -> f64 {
-    let v = f64::from(value) / 255.0;
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 /// The width of points: a share of the middle half of their positions along their widest axis, at the first time.

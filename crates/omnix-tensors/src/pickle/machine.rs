@@ -314,7 +314,7 @@ impl<'a> Machine<'a> {
         self.push(value)
     }
 
-    /// An integer of so many bytes, in two's complement. One of more than 64 bits is nothing that a tensor needs.
+    /// An integer of so many bytes, in two's complement. Tensors need no number of more than 64 bits.
     fn long(&mut self, length: usize) -> Result<(), String> {
         let span = self.take(length)?;
         let bytes = self.pickle.span(span);

@@ -31,7 +31,7 @@ pub(crate) struct ConvertArgs {
     pub(super) json: bool,
 }
 
-/// Types that numbers are stored as. (int8 is none: products round to it while weights are loaded, see `--weights-type`.)
+/// Types that numbers are stored as. (A file cannot have int8: products round to it while weights are loaded, see `--weights-type`.)
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Type {
     /// 4 bytes, everything.
