@@ -73,7 +73,7 @@ impl Job {
         }
         let exports = chosen_exports(args, &weights, &mut request)?;
         let bent = known.iter().flatten().any(|camera| !camera.lens.distortion.is_none());
-        let stated = exports.iter().find(|export| matches!(export, Export::Colmap | Export::Transforms));
+        let stated = exports.iter().find(|export| export.states_source_lenses());
         if let (true, Some(export)) = (bent, stated) {
             return Err(CliError::Usage(format!(
                 "--export {export} states lenses without distortion, and the known cameras have some: undistort the pictures first, or leave it out"

@@ -45,7 +45,7 @@ impl Conversion {
     }
 
     /// Writes the network's tensors, names unchanged, and `config.json` into a folder that has neither. Each file has its name only when it
-    /// is whole, and `config.json` comes last. Takes no memory to speak of. `progress` is told bytes done and in all.
+    /// is whole, and `config.json` comes last. Tensors are converted piece by piece. `progress` is told bytes done and in all.
     ///
     /// # Errors
     /// A checkpoint that is there already; a number that the type cannot hold; a failure of writing; `progress` broke off

@@ -28,6 +28,7 @@ const TEXT: &str = "exports/colmap/text";
 pub(super) const FORMAT: Format = Format {
     name: "colmap",
     needs_cameras: true,
+    states_source_lenses: true,
     files: &[
         FileKind::one(
             "exports/colmap/sparse/0/cameras.bin",
@@ -42,7 +43,7 @@ pub(super) const FORMAT: Format = Format {
     ],
     // A point takes 63 bytes and 8 for each observation, an observation 24; as text about twice that.
     disk: |size| size.images.saturating_mul(1000 + 3 * points::CELLS as u64 * 200),
-    memory: |size| size.images.saturating_mul(points::CELLS as u64 * 100),
+    memory: |size| size.images.saturating_mul(points::CELLS as u64 * 200),
     frames: Some(|dir, _| {
         Ok(Box::new(ColmapSink { dir: dir.to_owned(), images: Vec::new(), cloud: Cloud::default() }))
     }),

@@ -80,6 +80,12 @@ impl Export {
         self.format().needs_cameras
     }
 
+    /// Whether it states lenses of the source pictures, so that known lenses with distortion can be refused before the run.
+    #[must_use]
+    pub fn states_source_lenses(self) -> bool {
+        self.format().states_source_lenses
+    }
+
     /// Whether it needs a network with trajectories, so that others can be refused before the run. `glb` does without.
     #[must_use]
     pub fn needs_motion(self) -> bool {

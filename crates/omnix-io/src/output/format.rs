@@ -17,6 +17,8 @@ pub(super) struct Format {
     pub(super) name: &'static str,
     /// Whether it needs extrinsics and intrinsics.
     pub(super) needs_cameras: bool,
+    /// Whether it states lenses of the source pictures, which then must have no distortion.
+    pub(super) states_source_lenses: bool,
     /// Whether it needs a network with trajectories.
     pub(super) needs_motion: bool,
     /// Whether a run writes it that names no exports.
@@ -48,6 +50,7 @@ impl Format {
     pub(super) const NONE: Self = Self {
         name: "",
         needs_cameras: false,
+        states_source_lenses: false,
         needs_motion: false,
         by_default: false,
         files: &[],

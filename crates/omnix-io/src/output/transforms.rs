@@ -1,7 +1,7 @@
 //! `transforms`: cameras as nerfstudio and instant-ngp read them (nerfstudio's documentation, "Data conventions"), `transforms.json`.
 //!
 //! Camera-to-world with OpenGL axes (x right, y up, z back). Each frame has its lens at the size of the picture that it was made of, and that
-//! picture's name; the pictures themselves are not copied. About 600 bytes an image are kept.
+//! picture's name; the pictures themselves are not copied.
 
 use std::path::PathBuf;
 
@@ -18,12 +18,13 @@ const NAME: &str = "transforms.json";
 pub(super) const FORMAT: Format = Format {
     name: "transforms",
     needs_cameras: true,
+    states_source_lenses: true,
     files: &[FileKind::one(
         NAME,
         "camera-to-world with OpenGL axes, and lenses at the size of the source pictures, corner of the first pixel at 0",
     )],
     disk: |size| size.images.saturating_mul(1000),
-    memory: |size| size.images.saturating_mul(1000),
+    memory: |size| size.images.saturating_mul(4000),
     frames: Some(|dir, _| Ok(Box::new(TransformsSink { path: dir.join(NAME), frames: Vec::new() }))),
     ..Format::NONE
 };

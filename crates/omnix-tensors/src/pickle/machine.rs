@@ -314,7 +314,7 @@ impl<'a> Machine<'a> {
         self.push(value)
     }
 
-    /// An integer of so many bytes, in two's complement. Tensors need no number of more than 64 bits.
+    /// An integer of `length` bytes, in two's complement. Tensors need no number of more than 64 bits.
     fn long(&mut self, length: usize) -> Result<(), String> {
         let span = self.take(length)?;
         let bytes = self.pickle.span(span);
