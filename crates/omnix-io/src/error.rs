@@ -323,8 +323,8 @@ pub enum IoError {
         /// The folder.
         path: PathBuf,
     },
-    /// A file that was written is gone before the run has ended.
-    #[error("written and gone again: something removed it while the run went on: {path}")]
+    /// A file that was written, or the folder that it is written in, is gone before the run has ended.
+    #[error("gone while the run went on: something removed it or its folder, so run again: {path}")]
     Vanished {
         /// The file.
         path: PathBuf,
@@ -382,7 +382,8 @@ pub enum IoError {
 }
 
 impl IoError {
-    /// Wraps a failed write: a full disk, an exceeded quota and a file above the size allowed get names of their own.
+    /// Wraps a failed write: a full disk, an exceeded quota, a file above the size allowed and a folder that is gone get
+    /// names of their own.
     pub fn write(path: impl Into<PathBuf>, source: io::Error) -> Self {
         let path = path.into();
         match source.kind() {
@@ -391,6 +392,8 @@ impl IoError {
             }
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::DiskFull { path, source },
             io::ErrorKind::FileTooLarge => Self::FileTooLarge { path, source },
+            // Folders are made before their files, so one that is missing has been removed since.
+            io::ErrorKind::NotFound => Self::Vanished { path },
             _ => Self::Write { path, source },
         }
     }

@@ -107,6 +107,16 @@ mod tests {
         assert_eq!(fs::read_dir(dir.path().join("a")).unwrap().count(), 1);
     }
 
+    #[test]
+    fn a_folder_that_goes_away_while_a_file_is_written_has_a_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("depth");
+        let file = AtomicFile::create(folder.join("000003.png")).unwrap();
+        fs::remove_dir_all(&folder).unwrap();
+        let error = file.commit().unwrap_err();
+        assert!(matches!(&error, IoError::Vanished { path } if path.ends_with("depth/000003.png")), "{error:?}");
+    }
+
     #[cfg(target_os = "linux")]
     #[test]
     fn a_full_disk_has_a_name() {
