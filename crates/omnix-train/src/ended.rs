@@ -68,6 +68,20 @@ pub(crate) fn agree(
     Ok((!stopped).then_some(losses))
 }
 
+/// Checks that the processes compute on machines of the same words.
+///
+/// # Errors
+/// The first that does not.
+pub(crate) fn same_device(peers: &dyn Peers, mine: &str) -> Result<(), TrainError> {
+    let all = peers.gather(mine.as_bytes())?;
+    let mut all = all.iter().map(|words| String::from_utf8_lossy(words).into_owned());
+    let expected = all.next().unwrap_or_default();
+    match (1..).zip(all).find(|(_, found)| *found != expected) {
+        Some((rank, found)) => Err(TrainError::PeerDevice { rank, found, expected }),
+        None => Ok(()),
+    }
+}
+
 /// Losses of another process with the names of this one's: all have the same terms.
 fn named(bits: &[u64], like: &[LossValues]) -> LossValues {
     let mut values = bits.iter().map(|bits| f64::from_bits(*bits));

@@ -153,6 +153,19 @@ pub enum TrainError {
         /// The step that the first one found.
         expected: u64,
     },
+    /// Processes of a training whose weights would drift apart, since each changes its own.
+    #[error(
+        "process {rank} of this training computes on {found}, the first one on {expected}, and would come to other weights: run all on devices \
+         of one kind with one driver"
+    )]
+    PeerDevice {
+        /// Its rank.
+        rank: u32,
+        /// Its device.
+        found: String,
+        /// That of the first one.
+        expected: String,
+    },
     /// A checkpoint of another network.
     #[error("the folder holds a checkpoint of another network ({field}): choose another --out, or train that network: {}", path.display())]
     OtherNetwork {

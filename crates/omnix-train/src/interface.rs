@@ -83,6 +83,9 @@ pub trait Step {
     /// Where its trained tensors lie.
     fn layout(&self) -> &Layout;
 
+    /// The machine in words: two that have the same words compute the same bits.
+    fn device(&self) -> String;
+
     /// Forward and backward on one sample, which is normalised; the gradient is added to that of the samples since the last update.
     /// `number` is the sample's, for random numbers that the network itself draws.
     ///

@@ -24,7 +24,7 @@ use omnix_eval::network::Figures;
 
 use crate::TrainError;
 use crate::checkpoint::{Best, Progress, changed_settings, save, save_best};
-use crate::ended::{Ended, agree};
+use crate::ended::{Ended, agree, same_device};
 use crate::groups::Group;
 use crate::interface::{LossValues, Step, Update};
 use crate::loader::Loader;
@@ -127,7 +127,7 @@ const PAGE_EVERY: Duration = Duration::from_secs(15);
 /// Trains until enough steps are done or the run is asked to stop. `step` has the session's start values.
 ///
 /// # Errors
-/// A sample that cannot be had, a step that fails, a number that is NaN or infinite, reports that cannot be written, or a last
+/// Processes on devices of different kinds, a sample that cannot be had, a step that fails, a number that is NaN or infinite, reports that cannot be written, or a last
 /// checkpoint that cannot.
 pub fn run(
     session: &mut Session,
@@ -135,6 +135,9 @@ pub fn run(
     options: RunOptions<'_>,
     each: &mut dyn FnMut(&Event<'_>),
 ) -> Result<Outcome, TrainError> {
+    if let Some(peers) = options.peers {
+        same_device(peers, &step.device())?;
+    }
     let config = session.recipe().config.clone();
     let progress = restored(session, step, each)?;
     let idle = step.layout().idle.iter().filter_map(|index| config.group.get(*index));

@@ -281,6 +281,11 @@ impl Step for DeviceStep {
         &self.plan.layout
     }
 
+    fn device(&self) -> String {
+        let (info, caps) = (self.gpu.device.adapter_info(), &self.gpu.caps);
+        format!("{} ({} {}; {} variants)", info.name, info.driver, info.driver_info, caps.tier)
+    }
+
     fn train(&mut self, sample: &Sample, number: u64) -> Result<LossValues, StepError> {
         let mut inputs = self.inputs(sample, number)?;
         // u32 in the bits of an f32: what is left out at random differs from sample to sample.

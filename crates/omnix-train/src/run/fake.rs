@@ -14,6 +14,8 @@ pub(super) struct Fake {
     /// Weights, means of gradients and of squares, average; one flat list each.
     parts: [Vec<f32>; 4],
     gradient: Vec<f32>,
+    /// What it says that it is.
+    pub(super) device: &'static str,
     /// Ends the process, as it were, in this step.
     pub(super) dies_in: Option<u64>,
     /// The loss of this sample is NaN.
@@ -52,7 +54,7 @@ impl Fake {
             parts[0][slot.range.clone()].iter_mut().enumerate().for_each(|(i, w)| *w = i as f32 / 10.0);
         }
         parts[3] = parts[0].clone();
-        Self { layout, parts, gradient: zeros, dies_in: None, nan_at: None, explodes_in: None }
+        Self { layout, parts, gradient: zeros, device: "loops", dies_in: None, nan_at: None, explodes_in: None }
     }
 
     fn losses(&self, sample: &Sample, part: Part) -> LossValues {
@@ -68,6 +70,10 @@ impl Fake {
 impl Step for Fake {
     fn layout(&self) -> &Layout {
         &self.layout
+    }
+
+    fn device(&self) -> String {
+        self.device.to_owned()
     }
 
     fn train(&mut self, sample: &Sample, number: u64) -> Result<LossValues, StepError> {

@@ -280,6 +280,16 @@ fn two_processes_have_the_bits_of_one_that_accumulates() {
 }
 
 #[test]
+fn processes_compute_on_devices_of_one_kind() {
+    let dir = tempfile::tempdir().unwrap();
+    let ended = both(dir.path(), 20, &|rank, fake| fake.device = ["one card", "another card"][rank as usize]);
+    for error in ended.into_iter().map(|ended| ended.unwrap_err().to_string()) {
+        assert!(error.contains("process 1") && error.contains("on another card, the first one on one card"), "{error}");
+    }
+    assert!(!dir.path().join(LAST).exists());
+}
+
+#[test]
 fn a_process_that_fails_stops_all_with_its_name() {
     let dir = tempfile::tempdir().unwrap();
     // Samples 24 and 25 are those of step 13; the second process has the odd ones.
