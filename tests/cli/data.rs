@@ -87,7 +87,7 @@ fn bad_input_is_named() {
     let dir = tempfile::tempdir().unwrap();
     check(dir.path(), &[]).fails(3, &["not a scene of a known data set", "nothing"]);
     check(&dir.path().join("none"), &[]).fails(3, &["not there"]);
-    check(dir.path(), &["--set", "droid"]).fails(2, &["droid"]);
+    check(dir.path(), &["--set", "kitti"]).fails(2, &["kitti", "droid"]);
     sets::shared::write(&wall(false), &dir.path().join("a"), &[]).unwrap();
     std::fs::remove_file(dir.path().join("a/depths/00002.exr")).unwrap();
     check(dir.path(), &[]).fails(3, &["00002.exr"]);

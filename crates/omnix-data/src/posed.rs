@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use omnix_io::Picture;
 
 use crate::files::{Archive, expect_folder, files_with, read_exr, read_grey, read_npy, read_rgb, stem};
 use crate::rigid::{Pinhole, Rigid};
@@ -47,9 +48,14 @@ impl Stream {
         Video { name: self.name.clone(), frames: self.pictures.len() }
     }
 
+    /// The picture of an image.
+    pub(crate) fn picture(&self, frame: usize) -> Result<Picture, DataError> {
+        read_rgb(&self.pictures[frame])
+    }
+
     /// The picture and its camera, whose archive has one of these names for the intrinsics and the pose (camera to world).
     pub(crate) fn view(&self, frame: usize, intrinsics: &[&str], pose: &[&str]) -> Result<View, DataError> {
-        let image = read_rgb(&self.pictures[frame])?;
+        let image = self.picture(frame)?;
         let mut archive = Archive::open(&self.beside(frame, &self.cameras, "npz"))?;
         let camera = pinhole(&mut archive, intrinsics, pose)?;
         let moment = frame as u32;
@@ -150,4 +156,20 @@ pub(crate) fn moving(path: &Path, size: [usize; 2]) -> Result<Vec<Flag>, DataErr
 pub(crate) fn point(values: &[f64], origin: DVec3) -> [f32; 3] {
     let point = DVec3::new(values[0], values[1], values[2]) - origin;
     if point.is_finite() { point.as_vec3().to_array() } else { [f32::NAN; 3] }
+}
+
+/// Whether an image shows a point of the world: its depth there is the point's own, up to `within` of its unit. Where no depth is known,
+/// nor is this.
+pub(crate) fn shows(view: &View, point: DVec3, within: f64) -> Flag {
+    let seen = view.camera.w2c.apply(point);
+    let [u, v] = view.camera.project(seen);
+    let [width, height] = view.size();
+    if !seen.is_finite() {
+        return Flag::Unknown;
+    }
+    if !(seen.z > 0.0 && u >= 0.0 && v >= 0.0 && u < width as f64 && v < height as f64) {
+        return Flag::No;
+    }
+    let depth = view.depth.as_ref().map_or(f32::NAN, |depth| depth[v as usize * width + u as usize]);
+    if depth.is_finite() { Flag::from((f64::from(depth) - seen.z).abs() <= within) } else { Flag::Unknown }
 }

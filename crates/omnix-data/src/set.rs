@@ -22,6 +22,8 @@ pub enum Set {
     Spring,
     /// HOI4D.
     Hoi4d,
+    /// DROID.
+    Droid,
     /// The layout that newer trainers share, and ours.
     Shared,
     /// What `omnix reconstruct` writes.
@@ -30,7 +32,7 @@ pub enum Set {
 
 impl Set {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Ue,
         Self::PointOdyssey,
         Self::Waymo,
@@ -40,6 +42,7 @@ impl Set {
         Self::Stereo4d,
         Self::Spring,
         Self::Hoi4d,
+        Self::Droid,
         Self::Shared,
         Self::Output,
     ];
@@ -57,6 +60,7 @@ impl Set {
             Self::Stereo4d => "stereo4d",
             Self::Spring => "spring",
             Self::Hoi4d => "hoi4d",
+            Self::Droid => "droid",
             Self::Shared => "shared",
             Self::Output => "output",
         }
@@ -89,6 +93,6 @@ mod tests {
         for set in Set::ALL {
             assert_eq!(Set::of_name(set.name()), Some(set));
         }
-        assert_eq!(Set::of_name("droid"), None);
+        assert_eq!(Set::of_name("kitti"), None);
     }
 }

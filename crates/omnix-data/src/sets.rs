@@ -1,9 +1,10 @@
 //! Data sets on disk (`spec/omnix.md` 11.5): which one a folder holds, and its scenes. One file per data set states its layout.
 //!
 //! Poses in the files are camera to world in OpenCV axes, except where a set's file says otherwise; depth is z-depth. Whether a folder
-//! keeps to that is measured by the check of data sets. Of Droid no layout is known to us: convert it to the shared one.
+//! keeps to that is measured by the check of data sets.
 
 mod dl3dv;
+mod droid;
 mod dynamic_replica;
 mod hoi4d;
 mod mesh;
@@ -34,9 +35,10 @@ struct Facts {
 }
 
 /// In the order in which folders are compared with them: those with more to show come first.
-const FACTS: [Facts; 11] = [
+const FACTS: [Facts; 12] = [
     Facts { set: Set::Shared, signature: shared::SIGNATURE, open: shared::open },
     Facts { set: Set::Output, signature: output::SIGNATURE, open: output::open },
+    Facts { set: Set::Droid, signature: droid::SIGNATURE, open: droid::open },
     Facts { set: Set::Stereo4d, signature: stereo4d::SIGNATURE, open: stereo4d::open },
     Facts { set: Set::DynamicReplica, signature: dynamic_replica::SIGNATURE, open: dynamic_replica::open },
     Facts { set: Set::Dl3dv, signature: dl3dv::SIGNATURE, open: dl3dv::open },

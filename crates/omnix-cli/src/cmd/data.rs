@@ -26,7 +26,7 @@ pub(crate) struct CheckArgs {
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// The data set, where more than one would fit: ue, pointodyssey, waymo, omnigame, dynamic-replica, dl3dv, stereo4d, spring,
-    /// hoi4d, shared, output.
+    /// hoi4d, droid, shared, output.
     #[arg(long, value_name = "NAME", value_parser = set_of)]
     set: Option<Set>,
     /// Images of each scene that are looked at, at most.
@@ -171,6 +171,6 @@ mod tests {
             assert!(help.contains(set.name()), "{}", set.name());
             assert_eq!(set_of(set.name()), Ok(set));
         }
-        assert!(set_of("droid").is_err());
+        assert!(set_of("kitti").is_err());
     }
 }

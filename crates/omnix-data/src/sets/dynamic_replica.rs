@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use crate::files::Archive;
-use crate::posed::{Stream, moving, npy_depth, point};
+use crate::posed::{Stream, moving, npy_depth, point, shows};
 use crate::scene::{Pick, Scene, Video, View};
 use crate::set::Set;
-use crate::{DataError, Flag, Motion, Tracks, Unit};
+use crate::{DataError, Motion, Tracks, Unit};
 
 pub(super) const SIGNATURE: &[&str] = &["left/rgb", "left/cam"];
 /// Difference of depth within which a point is seen, in metres.
@@ -81,31 +81,17 @@ impl Scene for DynamicReplica {
             }
             for values in positions.to_f64().chunks_exact(3) {
                 tracks.positions.push(point(values, DVec3::ZERO));
-                tracks.visible.push(shows(view, DVec3::new(values[0], values[1], values[2])));
+                tracks.visible.push(shows(view, DVec3::from_slice(values), AGREES));
             }
         }
         Ok(Motion::Tracks(tracks))
     }
 }
 
-/// Whether an image shows a point, by its depth.
-fn shows(view: &View, point: DVec3) -> Flag {
-    let seen = view.camera.w2c.apply(point);
-    let [u, v] = view.camera.project(seen);
-    let [width, height] = view.size();
-    if !seen.is_finite() {
-        return Flag::Unknown;
-    }
-    if !(seen.z > 0.0 && u >= 0.0 && v >= 0.0 && u < width as f64 && v < height as f64) {
-        return Flag::No;
-    }
-    let depth = view.depth.as_ref().map_or(f32::NAN, |depth| depth[v as usize * width + u as usize]);
-    if depth.is_finite() { Flag::from((f64::from(depth) - seen.z).abs() <= AGREES) } else { Flag::Unknown }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Flag;
     use crate::made;
     use crate::read::{ReadOptions, read};
     use crate::sets::tests_support::{agrees, floats, picks, tracks};
