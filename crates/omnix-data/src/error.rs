@@ -182,6 +182,16 @@ pub enum DataError {
         /// The folder.
         path: PathBuf,
     },
+    /// Scenes of another data set than was asked for.
+    #[error("no scene of {wanted}, but of {found}: name that data set, or leave it to be recognised: {path}")]
+    OtherSet {
+        /// The set that was asked for.
+        wanted: &'static str,
+        /// The sets that were found.
+        found: String,
+        /// The folder.
+        path: PathBuf,
+    },
     /// An image that the scene does not have.
     #[error("no image {frame} of video {video}: choose one that the scene has: {path}")]
     NoImage {

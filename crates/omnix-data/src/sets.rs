@@ -82,14 +82,25 @@ const DEPTH: usize = 4;
 /// The folders of scenes at or below a folder, in the order of their names.
 ///
 /// # Errors
-/// A folder that cannot be read, or has no scene in it.
+/// A folder that cannot be read, or has no scene of the set in it.
 pub fn find(folder: &Path, set: Option<Set>) -> Result<Vec<PathBuf>, DataError> {
     if !folder.is_dir() {
         return Err(DataError::Missing { path: folder.to_owned() });
     }
     let mut scenes = Vec::new();
     search(folder, set, DEPTH, &mut scenes)?;
-    if scenes.is_empty() { Err(unknown(folder)?) } else { Ok(scenes) }
+    if !scenes.is_empty() {
+        return Ok(scenes);
+    }
+    let Some(wanted) = set else { return Err(unknown(folder)?) };
+    search(folder, None, DEPTH, &mut scenes)?;
+    let mut others: Vec<&str> = scenes.iter().filter_map(|scene| Some(of_folder(scene)?.name())).collect();
+    others.sort_unstable();
+    others.dedup();
+    if others.is_empty() {
+        return Err(unknown(folder)?);
+    }
+    Err(DataError::OtherSet { wanted: wanted.name(), found: others.join(", "), path: folder.to_owned() })
 }
 
 fn search(folder: &Path, set: Option<Set>, depth: usize, scenes: &mut Vec<PathBuf>) -> Result<(), DataError> {
@@ -154,5 +165,7 @@ mod tests {
         let scenes = find(dir.path(), None).unwrap();
         assert_eq!(scenes, [dir.path().join("1"), dir.path().join("2")]);
         assert_eq!(find(dir.path(), Some(Set::Dl3dv)).unwrap().len(), 1);
+        let other = find(dir.path(), Some(Set::Spring)).unwrap_err().to_string();
+        assert!(other.contains("no scene of spring, but of dl3dv, ue"), "{other}");
     }
 }
