@@ -11,5 +11,5 @@ mod scale;
 
 pub use metrics::{DepthMetrics, DepthScore, mean, score};
 pub use pixels::{Pixels, Range};
-pub use resize::resize_cubic;
+pub use resize::{Part, resize_cubic, resize_part};
 pub use scale::{Alignment, Fit};

@@ -89,6 +89,9 @@ pub enum EvalError {
         /// The largest difference that counts as the same time.
         tolerance: f64,
     },
+    /// Whoever runs the network that is evaluated failed.
+    #[error("the network could not be run on a clip: {0}")]
+    Run(Box<dyn std::error::Error + Send + Sync>),
     /// A sample of ground truth that cannot be used.
     #[error(transparent)]
     Sample(#[from] omnix_data::DataError),

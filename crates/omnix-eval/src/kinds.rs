@@ -5,6 +5,6 @@
 
 pub mod depth;
 pub mod pose;
-mod sequences;
+pub(crate) mod sequences;
 pub mod tapvid3d;
 pub mod trajectories;

@@ -6,7 +6,8 @@
 //! * [`network`]: what a network says of samples with known depth, cameras and motion, figure by figure, beside trivial answers.
 //! * [`clips`]: how a sequence is cut into clips of 16 frames.
 //! * [`files`]: readers of the data sets' files and of predictions.
-//! * [`kinds`]: a whole evaluation from two folders, and [`table`] and [`plot`], which say its result.
+//! * [`kinds`]: a whole evaluation from two folders; [`run`]: one that runs a network over a data set; [`table`] and [`plot`], which say its
+//!   result.
 //!
 //! Arithmetic is f64 and sums run in one order, so the same files give the same bits. Lengths are in metres where the truth is,
 //! angles in degrees, camera axes are OpenCV's (x right, y down, z forward). What a metric leaves out is counted in its result.
@@ -22,6 +23,7 @@ pub mod network;
 pub mod plot;
 pub mod pose;
 mod rigid;
+pub mod run;
 mod stats;
 pub mod table;
 pub mod tracks;

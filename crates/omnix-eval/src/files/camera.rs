@@ -3,7 +3,7 @@
 //! TUM: text, a line for each pose, `timestamp tx ty tz qx qy qz qw`, camera-to-world; lines that begin with # are comments. Lists of
 //! pictures have `timestamp file`. Sintel `.cam`: f32 tag 202021.25, f64 3x3 intrinsics, f64 3x4 world-to-camera, little endian.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::depth::SINTEL_TAG;
 use super::folder;
@@ -73,6 +73,14 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
 /// # Errors
 /// As the two files have them; [`EvalError::NoOverlap`] if no times match.
 pub fn read_tum_sequence(folder: &Path) -> Result<Trajectory, EvalError> {
+    Ok(read_tum_pictures(folder)?.0)
+}
+
+/// As [`read_tum_sequence`], with the picture of each pose.
+///
+/// # Errors
+/// As [`read_tum_sequence`].
+pub fn read_tum_pictures(folder: &Path) -> Result<(Trajectory, Vec<PathBuf>), EvalError> {
     let pictures = read_tum_list(&folder.join("rgb.txt"))?;
     let truth = read_tum(&folder.join("groundtruth.txt"))?;
     let stamps: Vec<f64> = pictures.iter().map(|(stamp, _)| *stamp).collect();
@@ -88,10 +96,12 @@ pub fn read_tum_sequence(folder: &Path) -> Result<Trajectory, EvalError> {
         return Err(EvalError::NoOverlap { predicted, truth, tolerance: TUM_TOLERANCE_S });
     }
     let kept: Vec<(usize, usize)> = pairs.into_iter().step_by(TUM_STRIDE).take(TUM_FRAMES).collect();
-    Ok(Trajectory {
+    let files = kept.iter().map(|&(i, _)| folder.join(&pictures[i].1)).collect();
+    let trajectory = Trajectory {
         stamps: kept.iter().map(|&(i, _)| stamps[i]).collect(),
         poses: kept.iter().map(|&(_, k)| truth.poses[k]).collect(),
-    })
+    };
+    Ok((trajectory, files))
 }
 
 /// Reads a camera of Sintel.

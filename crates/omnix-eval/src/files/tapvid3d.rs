@@ -87,6 +87,14 @@ pub fn read_truth(path: &Path) -> Result<ClipTruth, EvalError> {
     })
 }
 
+/// The pictures of a clip, JPEG, in order.
+///
+/// # Errors
+/// As [`Archive::array`].
+pub fn read_pictures(path: &Path) -> Result<Vec<Vec<u8>>, EvalError> {
+    Archive::open(path)?.array("images_jpeg_bytes")?.byte_strings()
+}
+
 fn poses(numbers: &[f64], path: &Path) -> Result<Vec<Rigid>, EvalError> {
     let one = |m: &[f64]| Rigid::from_rows(&std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j])));
     let found: Option<Vec<_>> = numbers.chunks_exact(16).map(one).collect();

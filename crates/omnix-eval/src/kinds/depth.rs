@@ -9,32 +9,21 @@
 //!
 //! Predictions: [`LAYOUTS`]. A prediction of another size is resized to the truth's (cubic), as published code does.
 
-use std::path::{Path, PathBuf};
+mod truth;
 
-use super::sequences::{bars, lines, no_prediction, not_empty, skipped};
+use std::path::Path;
+
+use self::truth::Truth;
+use super::sequences::{bars, lines, no_prediction, not_empty, or_fatal, skipped};
 use crate::EvalError;
 use crate::clips::ClipRule;
 use crate::depth::{Alignment, DepthMetrics, Pixels, Range, mean, resize_cubic, score};
-use crate::files::depth::{self as maps, DepthFrames, DepthMap, LAYOUTS};
+use crate::files::depth::{DepthFrames, LAYOUTS};
 use crate::files::folder;
 use crate::stats::mean_of_numbers;
-use crate::table::{Column, Protocol, Report, Row};
+use crate::table::{Column, Protocol, Report, Row, Skipped};
 
-/// Frames of a KITTI sequence that the benchmark uses.
-const KITTI_FRAMES: usize = 110;
-
-/// Whose layout the truth has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DepthSet {
-    /// KITTI, annotated depth.
-    Kitti,
-    /// MPI Sintel.
-    Sintel,
-    /// Bonn RGB-D Dynamic.
-    Bonn,
-    /// Arrays, in the layouts of predictions.
-    Plain,
-}
+pub use self::truth::DepthSet;
 
 /// What is evaluated. The first rule and alignment are those to quote.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,65 +55,112 @@ const COLUMNS: [Column; 7] = [
 /// # Errors
 /// [`EvalError::NoSequences`] for a folder without truth, [`EvalError::Nothing`] if no sequence has a result.
 pub fn evaluate(predictions: &Path, truth: &Path, set: DepthSet, options: &Options) -> Result<Report, EvalError> {
-    if options.clips.is_empty() || options.alignments.is_empty() {
-        let (name, value, expected) =
-            ("rules of clips and alignments", String::from("empty"), "give at least one of each");
-        return Err(EvalError::Parameter { name, value, expected });
-    }
     let range = set.range();
-    let ways: Vec<(ClipRule, Alignment)> =
-        options.clips.iter().flat_map(|&rule| options.alignments.iter().map(move |&a| (rule, a))).collect();
-    let mut of_ways: Vec<Vec<DepthMetrics>> = vec![Vec::new(); ways.len()];
-    let (mut rows, mut missing, mut curves, mut notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for (name, sequence) in set.sequences(truth)? {
-        let frames = match DepthFrames::find(predictions, &name) {
-            Ok(Some(predicted)) => frames(&predicted, &sequence, set, range),
-            Ok(None) => {
-                missing.push(no_prediction(&name, LAYOUTS));
-                continue;
-            }
-            Err(error) => Err(error),
-        };
-        match frames.and_then(|frames| scores(&frames, &ways, range)) {
-            Ok(found) => {
-                let quoted = mean(&found.by_way[0]);
-                rows.push(Row { name: name.clone(), count: found.frames, values: values(&quoted) });
-                curves.push((name.clone(), found.by_frame));
-                for (all, own) in of_ways.iter_mut().zip(found.by_way) {
-                    all.extend(own);
-                }
-                notes.extend(found.notes.into_iter().map(|note| format!("{name}: {note}")));
-            }
-            Err(error) => missing.push(skipped(&name, &error, false)),
+    let mut sequences = Sequences::new(range, options)?;
+    for (name, truth) in set.sequences(truth)? {
+        match DepthFrames::find(predictions, &name) {
+            Ok(Some(predicted)) => sequences.add(&name, frames(&predicted, &truth, set, range))?,
+            Ok(None) => sequences.skip(no_prediction(&name, LAYOUTS)),
+            Err(error) => sequences.add(&name, Err(error))?,
         }
     }
-    not_empty(rows.len(), &missing)?;
-    let means = ways.iter().zip(&of_ways).map(|((rule, alignment), metrics)| {
-        let values = if metrics.is_empty() { vec![f64::NAN; COLUMNS.len()] } else { values(&mean(metrics)) };
-        Row { name: format!("{}, {}", rule.name(), alignment.name()), count: metrics.len(), values }
-    });
-    Ok(Report {
-        kind: "depth",
-        protocol: Protocol {
-            data_set: set.name().into(),
-            split: format!("sequences of {}", folder::name(truth)),
-            clips: options.clips.iter().map(|rule| rule.name()).collect::<Vec<_>>().join("; "),
-            frame: "z-depth in the camera of each frame".into(),
-            alignment: "one for each sequence or clip; its name stands in the row".into(),
-            mask: mask(range),
-            mean: "over sequences or clips, weighted by their valid pixels".into(),
-            ..Protocol::default()
-        },
-        columns: COLUMNS.to_vec(),
-        rows: means.collect(),
-        plots: vec![
-            bars(&rows, 0, "Abs Rel of each sequence, the worst first".into(), "Abs Rel", false),
-            lines(curves, "Abs Rel over time".into(), "Abs Rel"),
-        ],
-        sequences: rows,
-        skipped: missing,
-        notes,
-    })
+    sequences.report(set.name(), &format!("sequences of {}", folder::name(truth)))
+}
+
+/// Sequences evaluated one after another, and what became of them.
+pub(crate) struct Sequences {
+    range: Range,
+    options: Options,
+    ways: Vec<(ClipRule, Alignment)>,
+    /// For each way, the metrics of all clips.
+    of_ways: Vec<Vec<DepthMetrics>>,
+    rows: Vec<Row>,
+    missing: Vec<Skipped>,
+    curves: Vec<(String, Vec<f64>)>,
+    notes: Vec<String>,
+}
+
+impl Sequences {
+    /// None so far.
+    ///
+    /// # Errors
+    /// [`EvalError::Parameter`] unless there are a rule and an alignment.
+    pub(crate) fn new(range: Range, options: &Options) -> Result<Self, EvalError> {
+        if options.clips.is_empty() || options.alignments.is_empty() {
+            let (name, value, expected) =
+                ("rules of clips and alignments", String::from("empty"), "give at least one of each");
+            return Err(EvalError::Parameter { name, value, expected });
+        }
+        let ways: Vec<(ClipRule, Alignment)> =
+            options.clips.iter().flat_map(|&rule| options.alignments.iter().map(move |&a| (rule, a))).collect();
+        let of_ways = vec![Vec::new(); ways.len()];
+        let (rows, missing, curves, notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { range, options: options.clone(), ways, of_ways, rows, missing, curves, notes })
+    }
+
+    /// Evaluates a sequence by the scored pixels of each of its frames. What cannot be evaluated is remembered with its reason.
+    ///
+    /// # Errors
+    /// [`EvalError::Run`] alone.
+    pub(crate) fn add(&mut self, name: &str, frames: Result<Vec<Pixels>, EvalError>) -> Result<(), EvalError> {
+        match or_fatal(frames.and_then(|frames| scores(&frames, &self.ways, self.range)))? {
+            Ok(found) => {
+                let quoted = mean(&found.by_way[0]);
+                self.rows.push(Row { name: name.to_owned(), count: found.frames, values: values(&quoted) });
+                self.curves.push((name.to_owned(), found.by_frame));
+                for (all, own) in self.of_ways.iter_mut().zip(found.by_way) {
+                    all.extend(own);
+                }
+                found.notes.into_iter().for_each(|note| self.note(name, &note));
+            }
+            Err(error) => self.missing.push(skipped(name, &error, false)),
+        }
+        Ok(())
+    }
+
+    /// A sequence that was not evaluated.
+    pub(crate) fn skip(&mut self, skipped: Skipped) {
+        self.missing.push(skipped);
+    }
+
+    /// What has to be known of a sequence.
+    pub(crate) fn note(&mut self, name: &str, note: &str) {
+        self.notes.push(format!("{name}: {note}"));
+    }
+
+    /// The report of all sequences.
+    ///
+    /// # Errors
+    /// [`EvalError::Nothing`] if none has a result.
+    pub(crate) fn report(self, data_set: &str, split: &str) -> Result<Report, EvalError> {
+        not_empty(self.rows.len(), &self.missing)?;
+        let means = self.ways.iter().zip(&self.of_ways).map(|((rule, alignment), metrics)| {
+            let values = if metrics.is_empty() { vec![f64::NAN; COLUMNS.len()] } else { values(&mean(metrics)) };
+            Row { name: format!("{}, {}", rule.name(), alignment.name()), count: metrics.len(), values }
+        });
+        Ok(Report {
+            kind: "depth",
+            protocol: Protocol {
+                data_set: data_set.into(),
+                split: split.into(),
+                clips: self.options.clips.iter().map(|rule| rule.name()).collect::<Vec<_>>().join("; "),
+                frame: "z-depth in the camera of each frame".into(),
+                alignment: "one for each sequence or clip; its name stands in the row".into(),
+                mask: mask(self.range),
+                mean: "over sequences or clips, weighted by their valid pixels".into(),
+                ..Protocol::default()
+            },
+            columns: COLUMNS.to_vec(),
+            rows: means.collect(),
+            plots: vec![
+                bars(&self.rows, 0, "Abs Rel of each sequence, the worst first".into(), "Abs Rel", false),
+                lines(self.curves, "Abs Rel over time".into(), "Abs Rel"),
+            ],
+            sequences: self.rows,
+            skipped: self.missing,
+            notes: self.notes,
+        })
+    }
 }
 
 fn mask(range: Range) -> String {
@@ -135,80 +171,6 @@ fn mask(range: Range) -> String {
 
 fn values(m: &DepthMetrics) -> Vec<f64> {
     vec![m.abs_rel, m.delta[0], m.delta[1], m.delta[2], m.sq_rel, m.rmse, m.log_rmse]
-}
-
-impl DepthSet {
-    fn range(self) -> Range {
-        match self {
-            Self::Kitti | Self::Plain => Range::KITTI,
-            Self::Sintel => Range::SINTEL,
-            Self::Bonn => Range::BONN,
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Kitti => "KITTI",
-            Self::Sintel => "Sintel",
-            Self::Bonn => "Bonn RGB-D Dynamic",
-            Self::Plain => "depth arrays",
-        }
-    }
-
-    fn read(self, path: &Path) -> Result<DepthMap, EvalError> {
-        match self {
-            Self::Kitti => maps::read_kitti(path),
-            Self::Sintel => maps::read_sintel(path),
-            Self::Bonn | Self::Plain => maps::read_tum(path),
-        }
-    }
-
-    /// Name and files of each sequence.
-    fn sequences(self, truth: &Path) -> Result<Vec<(String, Truth)>, EvalError> {
-        let mut found = Vec::new();
-        match self {
-            Self::Plain => {
-                for path in folder::entries(truth)? {
-                    let name = if path.is_dir() { folder::name(&path) } else { folder::stem(&path) };
-                    if let Ok(Some(frames)) = DepthFrames::find(truth, &name) {
-                        found.push((name, Truth::Frames(frames)));
-                    }
-                }
-            }
-            Self::Kitti | Self::Sintel | Self::Bonn => {
-                let extension = if self == Self::Sintel { "dpt" } else { "png" };
-                for dir in std::iter::once(truth.to_owned()).chain(folder::folders(truth)?) {
-                    let inner = match self {
-                        Self::Kitti => [dir.join("proj_depth/groundtruth/image_02"), dir.clone()],
-                        Self::Bonn => [dir.join("depth_110"), dir.join("depth")],
-                        Self::Sintel | Self::Plain => [dir.clone(), dir.clone()],
-                    };
-                    let files = inner.iter().filter(|path| path.is_dir()).map(|path| folder::files(path, extension));
-                    let mut files =
-                        files.collect::<Result<Vec<_>, _>>()?.into_iter().find(|f| !f.is_empty()).unwrap_or_default();
-                    if self == Self::Kitti {
-                        files.truncate(KITTI_FRAMES);
-                    }
-                    if !files.is_empty() {
-                        found.push((folder::name(&dir), Truth::Files(files)));
-                    }
-                }
-            }
-        }
-        let layout = match self {
-            Self::Kitti => "folders of 16-bit PNG, or DRIVE/proj_depth/groundtruth/image_02",
-            Self::Sintel => "folders with frame_0001.dpt and so on",
-            Self::Bonn => "folders NAME/depth_110 or NAME/depth with 16-bit PNG",
-            Self::Plain => LAYOUTS,
-        };
-        if found.is_empty() { Err(EvalError::NoSequences { layout, path: truth.to_owned() }) } else { Ok(found) }
-    }
-}
-
-/// The true depth of a sequence.
-enum Truth {
-    Files(Vec<PathBuf>),
-    Frames(DepthFrames),
 }
 
 /// The scored pixels of each frame.

@@ -11,12 +11,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::sequences::{bars, lines, mean, no_prediction, not_empty, skipped};
+use super::sequences::{bars, lines, mean, no_prediction, not_empty, or_fatal, skipped};
 use crate::EvalError;
 use crate::clips::ClipRule;
 use crate::files::{camera, folder};
 use crate::pose::{Alignment, TOLERANCE_S, Trajectory, absolute, associate, video_pose};
-use crate::table::{Column, Protocol, Report, Row};
+use crate::table::{Column, Protocol, Report, Row, Skipped};
 
 /// Whose layout the truth has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,60 +38,112 @@ const PREDICTIONS: &str = "NAME.txt, NAME.tum or NAME/trajectory.tum in TUM's fo
 /// # Errors
 /// [`EvalError::NoSequences`] for a folder without truth, [`EvalError::Nothing`] if no sequence has a result.
 pub fn evaluate(predictions: &Path, truth: &Path, set: PoseSet, rule: ClipRule) -> Result<Report, EvalError> {
-    rule.cut(0)?;
-    let (mut rows, mut missing, mut curves, mut left_out) = (Vec::new(), Vec::new(), Vec::new(), 0);
+    let mut all = Sequences::new(rule)?;
     for (name, path) in sequences(truth, set)? {
-        let Some(predicted) = prediction(predictions, &name) else {
-            missing.push(no_prediction(&name, PREDICTIONS));
-            continue;
-        };
-        let found = read(&path, set).and_then(|truth| sequence(&truth, &camera::read_tum(&predicted)?, rule));
-        match found {
-            Ok(found) => {
-                rows.push(Row { name: name.clone(), count: found.poses, values: found.values });
-                curves.push((name.clone(), found.by_pose));
-                left_out += found.left_out;
-                missing.extend(
-                    found.problems.iter().map(|(clip, error)| skipped(&format!("{name}, {clip}"), error, false)),
-                );
+        match prediction(predictions, &name) {
+            Some(predicted) => {
+                let pair = read(&path, set).and_then(|truth| Ok((truth, camera::read_tum(&predicted)?)));
+                all.add(&name, pair)?;
             }
-            Err(error) => missing.push(skipped(&name, &error, false)),
+            None => all.skip(no_prediction(&name, PREDICTIONS)),
         }
     }
-    not_empty(rows.len(), &missing)?;
-    let values: Vec<Vec<f64>> = rows.iter().map(|row| row.values.clone()).collect();
-    let mut notes = vec![
-        "The same numbers by evo, of one sequence: `evo_ape tum TRUTH PREDICTION --align --correct_scale --t_max_diff 0.01` and \
-         `evo_rpe tum TRUTH PREDICTION --align --correct_scale --delta 1 --delta_unit f --pose_relation trans_part` (`angle_deg`)."
-            .to_owned(),
-    ];
-    if left_out > 0 {
-        notes.push(format!("{left_out} poses fill no clip and are left out."));
-    }
-    Ok(Report {
-        kind: "pose",
-        protocol: Protocol {
-            data_set: name(set).into(),
-            split: format!("sequences of {}", folder::name(truth)),
-            clips: rule.name(),
-            alignment: "Sim(3) of positions, least squares, one for each sequence or clip".into(),
-            mask: "poses of the same time, at most 0.01 s apart; rmse; RPE of consecutive poses".into(),
-            mean: "over clips of a sequence, over sequences".into(),
-            ..Protocol::default()
-        },
-        columns: COLUMNS.to_vec(),
-        rows: vec![mean(format!("{}: {}", name(set), rule.name()), &values, COLUMNS.len())],
-        plots: vec![
-            bars(&rows, 0, "ATE of each sequence, the worst first".into(), "ATE, m", false),
-            lines(curves, "Distance of each pose after the Sim(3)".into(), "distance, m"),
-        ],
-        sequences: rows,
-        skipped: missing,
-        notes,
-    })
+    all.report(name(set), &format!("sequences of {}", folder::name(truth)))
 }
 
-fn name(set: PoseSet) -> &'static str {
+/// Sequences evaluated one after another, and what became of them.
+pub(crate) struct Sequences {
+    rule: ClipRule,
+    rows: Vec<Row>,
+    missing: Vec<Skipped>,
+    curves: Vec<(String, Vec<f64>)>,
+    left_out: usize,
+    notes: Vec<String>,
+}
+
+impl Sequences {
+    /// None so far.
+    ///
+    /// # Errors
+    /// [`EvalError::Parameter`] for clips of fewer than two poses.
+    pub(crate) fn new(rule: ClipRule) -> Result<Self, EvalError> {
+        rule.cut(0)?;
+        let (rows, missing, curves, notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { rule, rows, missing, curves, left_out: 0, notes })
+    }
+
+    /// Evaluates a sequence, truth and estimate. What cannot be evaluated is remembered with its reason.
+    ///
+    /// # Errors
+    /// [`EvalError::Run`] alone.
+    pub(crate) fn add(
+        &mut self,
+        name: &str,
+        pair: Result<(Trajectory, Trajectory), EvalError>,
+    ) -> Result<(), EvalError> {
+        match or_fatal(pair.and_then(|(truth, estimate)| sequence(&truth, &estimate, self.rule)))? {
+            Ok(found) => {
+                self.rows.push(Row { name: name.to_owned(), count: found.poses, values: found.values });
+                self.curves.push((name.to_owned(), found.by_pose));
+                self.left_out += found.left_out;
+                let problems = found.problems.iter();
+                self.missing.extend(problems.map(|(clip, error)| skipped(&format!("{name}, {clip}"), error, false)));
+            }
+            Err(error) => self.missing.push(skipped(name, &error, false)),
+        }
+        Ok(())
+    }
+
+    /// A sequence that was not evaluated.
+    pub(crate) fn skip(&mut self, skipped: Skipped) {
+        self.missing.push(skipped);
+    }
+
+    /// What else has to be known.
+    pub(crate) fn note(&mut self, note: String) {
+        self.notes.push(note);
+    }
+
+    /// The report of all sequences.
+    ///
+    /// # Errors
+    /// [`EvalError::Nothing`] if none has a result.
+    pub(crate) fn report(mut self, data_set: &str, split: &str) -> Result<Report, EvalError> {
+        not_empty(self.rows.len(), &self.missing)?;
+        let values: Vec<Vec<f64>> = self.rows.iter().map(|row| row.values.clone()).collect();
+        self.notes.push(
+            "The same numbers by evo, of one sequence: `evo_ape tum TRUTH PREDICTION --align --correct_scale --t_max_diff 0.01` and \
+             `evo_rpe tum TRUTH PREDICTION --align --correct_scale --delta 1 --delta_unit f --pose_relation trans_part` (`angle_deg`)."
+                .to_owned(),
+        );
+        if self.left_out > 0 {
+            self.notes.push(format!("{} poses fill no clip and are left out.", self.left_out));
+        }
+        Ok(Report {
+            kind: "pose",
+            protocol: Protocol {
+                data_set: data_set.into(),
+                split: split.into(),
+                clips: self.rule.name(),
+                alignment: "Sim(3) of positions, least squares, one for each sequence or clip".into(),
+                mask: "poses of the same time, at most 0.01 s apart; rmse; RPE of consecutive poses".into(),
+                mean: "over clips of a sequence, over sequences".into(),
+                ..Protocol::default()
+            },
+            columns: COLUMNS.to_vec(),
+            rows: vec![mean(format!("{data_set}: {}", self.rule.name()), &values, COLUMNS.len())],
+            plots: vec![
+                bars(&self.rows, 0, "ATE of each sequence, the worst first".into(), "ATE, m", false),
+                lines(self.curves, "Distance of each pose after the Sim(3)".into(), "distance, m"),
+            ],
+            sequences: self.rows,
+            skipped: self.missing,
+            notes: self.notes,
+        })
+    }
+}
+
+pub(crate) fn name(set: PoseSet) -> &'static str {
     match set {
         PoseSet::Sintel => "Sintel",
         PoseSet::Tum => "TUM RGB-D",
@@ -100,7 +152,7 @@ fn name(set: PoseSet) -> &'static str {
 }
 
 /// Name and path of each sequence of the truth; the folder itself may be one.
-fn sequences(truth: &Path, set: PoseSet) -> Result<Vec<(String, PathBuf)>, EvalError> {
+pub(crate) fn sequences(truth: &Path, set: PoseSet) -> Result<Vec<(String, PathBuf)>, EvalError> {
     let is_one = |dir: &Path| match set {
         PoseSet::Sintel => folder::files(dir, "cam").is_ok_and(|files| !files.is_empty()),
         PoseSet::Tum => dir.join("rgb.txt").is_file() || dir.join("groundtruth.txt").is_file(),
@@ -126,7 +178,7 @@ fn sequences(truth: &Path, set: PoseSet) -> Result<Vec<(String, PathBuf)>, EvalE
     if found.is_empty() { Err(EvalError::NoSequences { layout, path: truth.to_owned() }) } else { Ok(found) }
 }
 
-fn read(path: &Path, set: PoseSet) -> Result<Trajectory, EvalError> {
+pub(crate) fn read(path: &Path, set: PoseSet) -> Result<Trajectory, EvalError> {
     match set {
         PoseSet::Sintel => camera::read_sintel_sequence(path),
         PoseSet::Tum => camera::read_tum_sequence(path),

@@ -12,8 +12,16 @@ pub(super) fn mean(name: impl Into<String>, rows: &[Vec<f64>], columns: usize) -
 }
 
 /// An entry of what has no result.
-pub(super) fn skipped(name: &str, error: &EvalError, counts_as_zero: bool) -> Skipped {
+pub(crate) fn skipped(name: &str, error: &dyn std::fmt::Display, counts_as_zero: bool) -> Skipped {
     Skipped { name: name.to_owned(), reason: error.to_string(), counts_as_zero }
+}
+
+/// A sequence's result or its own error. Where the network itself failed, no other sequence would fare better.
+pub(crate) fn or_fatal<T>(result: Result<T, EvalError>) -> Result<Result<T, EvalError>, EvalError> {
+    match result {
+        Err(error @ EvalError::Run(_)) => Err(error),
+        other => Ok(other),
+    }
 }
 
 /// No prediction of this name, with the names that are looked for.

@@ -7,7 +7,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::sequences::{bars, lines, mean, not_empty, skipped};
+use super::sequences::{bars, lines, mean, not_empty, or_fatal, skipped};
 use crate::EvalError;
 use crate::clips::{CLIP_FRAMES, ClipRule};
 use crate::files::folder;
@@ -68,12 +68,38 @@ pub fn read_names(path: &Path) -> Result<Vec<String>, EvalError> {
 /// # Errors
 /// [`EvalError::NoSequences`] for a folder without archives, [`EvalError::Nothing`] if no sequence has a result.
 pub fn evaluate(predictions: &Path, truth: &Path, options: &Options) -> Result<Report, EvalError> {
+    evaluate_with(truth, options, &mut |asked| {
+        let folder = asked.source.map_or_else(|| predictions.to_owned(), |source| predictions.join(source));
+        read_prediction(&folder.join(folder::name(asked.file)), asked.truth.frames, asked.truth.tracks)
+    })
+}
+
+/// What a prediction is wanted for.
+pub(crate) struct Asked<'a> {
+    /// The folder of its source; none where the archives lie in the data set's own folder.
+    pub(crate) source: Option<&'a str>,
+    /// The archive of the truth.
+    pub(crate) file: &'a Path,
+    /// What it holds.
+    pub(crate) truth: &'a ClipTruth,
+    /// The frame in which each track is asked for.
+    pub(crate) query_frames: &'a [usize],
+}
+
+/// Where predictions come from. An error of one counts as zero, [`EvalError::Run`] apart, which ends the evaluation.
+pub(crate) type Predict<'a> = dyn FnMut(&Asked<'_>) -> Result<ClipPrediction, EvalError> + 'a;
+
+/// Evaluates predictions against the truth below `truth`.
+///
+/// # Errors
+/// As [`evaluate`]; [`EvalError::Run`].
+pub(crate) fn evaluate_with(truth: &Path, options: &Options, predict: &mut Predict<'_>) -> Result<Report, EvalError> {
     if options.clips.is_empty() || options.scalings.is_empty() {
         let (name, value, expected) =
             ("rules of clips and scalings", String::from("empty"), "give at least one of each");
         return Err(EvalError::Parameter { name, value, expected });
     }
-    let sources = sources(predictions, truth)?;
+    let sources = sources(truth)?;
     let mut ways = Vec::new();
     for &rule in &options.clips {
         let ways_of = |&scaling| Way { rule, scaling, results: vec![Vec::new(); sources.len()] };
@@ -82,7 +108,7 @@ pub fn evaluate(predictions: &Path, truth: &Path, options: &Options) -> Result<R
     let (mut rows, mut missing, mut curves, mut left_out) = (Vec::new(), Vec::new(), Vec::new(), 0);
     let mut asked: Vec<String> =
         options.names.iter().flatten().map(|name| name.trim_end_matches(".npz").to_owned()).collect();
-    for (index, (source, predicted, files)) in sources.iter().enumerate() {
+    for (index, (source, below, files)) in sources.iter().enumerate() {
         for file in files {
             let stem = folder::stem(file);
             if options.names.is_some() {
@@ -90,7 +116,10 @@ pub fn evaluate(predictions: &Path, truth: &Path, options: &Options) -> Result<R
                 asked.remove(at);
             }
             let name = if sources.len() > 1 { format!("{source}/{stem}") } else { stem };
-            match sequence(&predicted.join(folder::name(file)), file, options.thresholds, &mut ways, index) {
+            let source = below.then_some(source.as_str());
+            let mut predicted =
+                |truth: &ClipTruth, query_frames: &[usize]| predict(&Asked { source, file, truth, query_frames });
+            match or_fatal(sequence(&mut predicted, file, options.thresholds, &mut ways, index))? {
                 Ok(found) => {
                     rows.push(Row { name: name.clone(), count: found.frames, values: found.values });
                     curves.extend(found.by_frame.map(|values| (name.clone(), values)));
@@ -138,7 +167,7 @@ fn notes(left_out: usize) -> Vec<String> {
     notes
 }
 
-fn split(sources: &[(String, PathBuf, Vec<PathBuf>)], options: &Options) -> String {
+fn split(sources: &[Archives], options: &Options) -> String {
     let names: Vec<&str> = sources.iter().map(|(name, ..)| name.as_str()).collect();
     let which =
         options.names.as_ref().map_or("all files".to_owned(), |names| format!("a list of {} names", names.len()));
@@ -146,7 +175,7 @@ fn split(sources: &[(String, PathBuf, Vec<PathBuf>)], options: &Options) -> Stri
 }
 
 /// Means of every way: over all sources first, then of each.
-fn means(sources: &[(String, PathBuf, Vec<PathBuf>)], ways: &[Way]) -> Vec<Row> {
+fn means(sources: &[Archives], ways: &[Way]) -> Vec<Row> {
     let mut rows = Vec::new();
     for way in ways {
         let name = |source: &str| format!("{source}: {}, {}", way.rule.name(), way.scaling.name());
@@ -164,17 +193,32 @@ fn means(sources: &[(String, PathBuf, Vec<PathBuf>)], ways: &[Way]) -> Vec<Row> 
     rows
 }
 
-/// Name, folder of predictions and files of truth of each source.
-fn sources(predictions: &Path, truth: &Path) -> Result<Vec<(String, PathBuf, Vec<PathBuf>)>, EvalError> {
+/// How many archives are evaluated.
+///
+/// # Errors
+/// As [`evaluate`].
+pub(crate) fn count(truth: &Path, options: &Options) -> Result<usize, EvalError> {
+    let asked = |file: &PathBuf| {
+        let stem = folder::stem(file);
+        options.names.as_ref().is_none_or(|names| names.iter().any(|name| name.trim_end_matches(".npz") == stem))
+    };
+    Ok(sources(truth)?.iter().flat_map(|(_, _, files)| files).filter(|file| asked(file)).count())
+}
+
+/// Name of a source, whether it has a folder of its own, and its files.
+type Archives = (String, bool, Vec<PathBuf>);
+
+/// The files of truth of each source.
+fn sources(truth: &Path) -> Result<Vec<Archives>, EvalError> {
     let here = folder::files(truth, "npz")?;
     if !here.is_empty() {
-        return Ok(vec![(folder::name(truth), predictions.to_owned(), here)]);
+        return Ok(vec![(folder::name(truth), false, here)]);
     }
     let mut found = Vec::new();
     for source in folder::folders(truth)? {
         let files = folder::files(&source, "npz")?;
         if !files.is_empty() {
-            found.push((folder::name(&source), predictions.join(folder::name(&source)), files));
+            found.push((folder::name(&source), true, files));
         }
     }
     if found.is_empty() { Err(EvalError::NoSequences { layout: LAYOUT, path: truth.to_owned() }) } else { Ok(found) }
@@ -191,7 +235,7 @@ struct Found {
 
 /// Scores a sequence under every way. An error of the prediction gives zeros, an error of the truth is returned.
 fn sequence(
-    prediction: &Path,
+    predict: &mut dyn FnMut(&ClipTruth, &[usize]) -> Result<ClipPrediction, EvalError>,
     truth: &Path,
     thresholds: Thresholds,
     ways: &mut [Way],
@@ -203,7 +247,7 @@ fn sequence(
         let reason = "no point of the truth is visible at any time, so that every share is 0/0".to_owned();
         return Err(EvalError::Nothing { reason });
     }
-    let (predicted, problem) = match read_prediction(prediction, truth.frames, truth.tracks) {
+    let (predicted, problem) = match or_fatal(predict(&truth, &query_frames))? {
         Ok(predicted) => (Some(predicted), None),
         Err(error) => (None, Some(error)),
     };

@@ -4,43 +4,60 @@
 //! is such a folder too ([`TruthFolder`]), or a sample of ground truth ([`TruthSample`]). Scenes may lie in one folder for each kind of input
 //! (such as `monocular`, `pairs`, `hybrid`), which then has means of its own.
 //!
+//! Where the truth is a folder of scenes of a data set (as `omnix scenes` writes them), each of their videos is a scene of its own: the
+//! prediction of the video VIDEO of the scene NAME is the run over its pictures, `NAME/VIDEO`; of a scene of one video also `NAME`.
+//!
 //! Prediction and truth are each moved into the frame of their first camera. A prediction of another size than the truth is read at the nearest
 //! pixel. Beside each number stands what the same prediction would get if nothing moved: each pixel stays where it is at the time of its image.
 
+mod prediction;
 mod scene;
 mod truth;
 
 use std::path::{Path, PathBuf};
 
+use omnix_data::{Pick, ReadOptions, Sample, sets};
+
+use self::prediction::PredictionFolder;
 use self::scene::{Way, scene, ways};
 use self::truth::LAYOUT;
-use super::sequences::{bars, lines, no_prediction, not_empty, skipped};
+use super::sequences::{bars, lines, no_prediction, not_empty, or_fatal, skipped};
 use crate::EvalError;
 use crate::files::{folder, tracks};
 use crate::table::{Column, Protocol, Report, Row, Skipped};
 use crate::tracks::dense::{DenseScore, mean};
 
+pub(crate) use self::prediction::ScenePrediction;
 pub use self::truth::{SceneTruth, TruthFolder, TruthSample};
 
 const COLUMNS: [Column; 3] = [Column::more("APD3D"), Column::less("EPE", "m"), Column::more("APD_fixed")];
 
-/// Evaluates the runs below `predictions` against the truth below `truth`, both in the layout of archives of tracks.
+/// Evaluates the runs below `predictions` against the truth below `truth`: archives of tracks, or scenes of a data set.
 ///
 /// # Errors
 /// [`EvalError::NoSequences`] for a folder without truth, [`EvalError::Nothing`] if no scene has a result.
 pub fn evaluate(predictions: &Path, truth: &Path) -> Result<Report, EvalError> {
     let mut scenes = Scenes::default();
-    for (group, name, dir) in find(truth)? {
+    let found = find(truth)?;
+    if found.is_empty() {
+        let layout = "folders of omnix runs with --export tracks, or scenes of a data set";
+        // What the folder holds is no data set either: then it is no truth of ours at all.
+        let none = |_| EvalError::NoSequences { layout, path: truth.to_owned() };
+        for place in sets::find(truth, None).map_err(none)? {
+            scenes.add_videos(&folder::name(&place), &place, predictions);
+        }
+    }
+    for (group, name, dir) in found {
         let place = predictions.join(&group).join(&name);
         // A single scene: its prediction is the folder itself.
         let place = if group.is_empty() && !place.is_dir() && dir == truth { predictions.to_owned() } else { place };
         let label = if group.is_empty() { name } else { format!("{group}/{name}") };
-        scenes.add(&group, &label, &place, TruthFolder::open(&dir).as_ref().map(|t| t as &dyn SceneTruth));
+        scenes.add_folder(&group, &label, &place, TruthFolder::open(&dir).as_ref().map(|t| t as &dyn SceneTruth));
     }
-    scenes.report(&folder::name(truth))
+    scenes.report(&folder::name(truth), "the images of a run")
 }
 
-/// Group, name and folder of each scene: the folder itself, its folders, or theirs.
+/// Group, name and folder of each scene that is a folder of archives: the folder itself, its folders, or theirs.
 fn find(truth: &Path) -> Result<Vec<(String, String, PathBuf)>, EvalError> {
     let is_scene = |dir: &Path| tracks::archives(dir).is_ok_and(|archives| !archives.is_empty());
     if is_scene(truth) {
@@ -55,12 +72,20 @@ fn find(truth: &Path) -> Result<Vec<(String, String, PathBuf)>, EvalError> {
             found.extend(inner.map(|path| (folder::name(&dir), folder::name(&path), path)));
         }
     }
-    if found.is_empty() { Err(EvalError::NoSequences { layout: LAYOUT, path: truth.to_owned() }) } else { Ok(found) }
+    Ok(found)
+}
+
+/// All images of a video with all that is known about them.
+fn video(place: &Path, video: usize) -> Result<Sample, EvalError> {
+    let scene = sets::open(place, None)?;
+    let frames = scene.videos().get(video).map_or(0, |video| video.frames);
+    let picks: Vec<Pick> = (0..frames).map(|frame| Pick::plain(video, frame)).collect();
+    Ok(omnix_data::read(scene.as_ref(), &picks, &ReadOptions { dense: true, ..ReadOptions::default() })?)
 }
 
 /// Scenes evaluated one after another, and what became of them.
 #[derive(Debug, Default)]
-pub struct Scenes {
+pub(crate) struct Scenes {
     results: Vec<(String, Vec<Option<DenseScore>>)>,
     rows: Vec<Row>,
     curves: Vec<(String, Vec<f64>)>,
@@ -69,17 +94,72 @@ pub struct Scenes {
 }
 
 impl Scenes {
-    /// Evaluates a scene; `group` is the kind of input that it belongs to, or empty. What cannot be evaluated is remembered with its reason.
-    pub fn add(&mut self, group: &str, name: &str, prediction: &Path, truth: Result<&dyn SceneTruth, &EvalError>) {
+    /// Evaluates a scene whose prediction lies in a folder; `group` is the kind of input that it belongs to, or empty. What cannot be
+    /// evaluated is remembered with its reason.
+    fn add_folder(&mut self, group: &str, name: &str, prediction: &Path, truth: Result<&dyn SceneTruth, &EvalError>) {
         if !prediction.is_dir() {
             self.missing.push(no_prediction(name, LAYOUT));
             return;
         }
-        let truth = match truth {
-            Ok(truth) => truth,
-            Err(error) => return self.missing.push(skipped(name, error, false)),
+        match (truth, PredictionFolder::open(prediction)) {
+            (Ok(truth), Ok(mut prediction)) => {
+                let found = scene(&mut prediction, truth);
+                self.keep(group, name, found);
+            }
+            (Err(error), _) => self.missing.push(skipped(name, error, false)),
+            (_, Err(error)) => self.missing.push(skipped(name, &error, false)),
+        }
+    }
+
+    /// Evaluates each video of a scene of a data set that has a prediction; the others are named.
+    fn add_videos(&mut self, name: &str, place: &Path, predictions: &Path) {
+        let videos = match sets::open(place, None) {
+            Ok(scene) => scene.videos().to_vec(),
+            Err(error) => return self.missing.push(skipped(name, &error, false)),
         };
-        match scene(prediction, truth) {
+        for (index, own) in videos.iter().enumerate() {
+            let label = format!("{name}/{}", own.name);
+            let folder = predictions.join(&label);
+            let alone = videos.len() == 1 && !folder.is_dir();
+            let folder = if alone { predictions.join(name) } else { folder };
+            if !folder.is_dir() {
+                self.missing.push(no_prediction(&label, LAYOUT));
+                continue;
+            }
+            let sample = video(place, index);
+            let truth = sample.as_ref().map(TruthSample);
+            self.add_folder("", &label, &folder, truth.as_ref().map(|t| t as &dyn SceneTruth).map_err(|e| *e));
+        }
+    }
+
+    /// Evaluates a scene. What cannot be evaluated is remembered with its reason.
+    ///
+    /// # Errors
+    /// [`EvalError::Run`] alone.
+    pub(crate) fn add(
+        &mut self,
+        group: &str,
+        name: &str,
+        prediction: &mut dyn ScenePrediction,
+        truth: &dyn SceneTruth,
+    ) -> Result<(), EvalError> {
+        let found = or_fatal(scene(prediction, truth))?;
+        self.keep(group, name, found);
+        Ok(())
+    }
+
+    /// A scene that was not evaluated.
+    pub(crate) fn skip(&mut self, skipped: Skipped) {
+        self.missing.push(skipped);
+    }
+
+    /// What else has to be known.
+    pub(crate) fn note(&mut self, note: String) {
+        self.notes.push(note);
+    }
+
+    fn keep(&mut self, group: &str, name: &str, found: Result<scene::Found, EvalError>) {
+        match found {
             Ok(found) => {
                 let quoted = found.by_way[0].map_or([f64::NAN; 3], |s| values(&s));
                 self.rows.push(Row { name: name.to_owned(), count: found.images, values: quoted.to_vec() });
@@ -95,7 +175,7 @@ impl Scenes {
     ///
     /// # Errors
     /// [`EvalError::Nothing`] if none has a result.
-    pub fn report(self, data_set: &str) -> Result<Report, EvalError> {
+    pub(crate) fn report(self, data_set: &str, clips: &str) -> Result<Report, EvalError> {
         not_empty(self.rows.len(), &self.missing)?;
         let mut groups: Vec<&str> = self.results.iter().map(|(group, _)| group.as_str()).collect();
         groups.sort_unstable();
@@ -113,7 +193,7 @@ impl Scenes {
             protocol: Protocol {
                 data_set: data_set.into(),
                 split: "all scenes of the folder".into(),
-                clips: "the images of a run".into(),
+                clips: clips.into(),
                 frame: "world: the first camera of prediction and of truth; the source camera where the row says so".into(),
                 alignment: "ratio of median norms, of the scored points of a source image or of all points of a scene".into(),
                 thresholds: "depth-adaptive, 1, 2, 4, 8, 16 pixels at 256 pixels on the shorter side, true depth in the source camera \

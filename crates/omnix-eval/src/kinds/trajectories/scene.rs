@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use super::truth::{LAYOUT, SceneTruth};
-use crate::files::tracks::{self, PixelSet};
+use super::prediction::ScenePrediction;
+use super::truth::SceneTruth;
+use crate::files::tracks::PixelSet;
 use crate::stats::mean_of_numbers;
 use crate::tracks::dense::{DenseScale, DenseScore, Frame, SourceImage, VideoScale, mean, score, score_by_time};
 use crate::tracks::{METRIC_RESOLUTION, mean_focal};
@@ -85,32 +86,24 @@ impl Pair {
 }
 
 /// Scores a scene in every way.
-pub(super) fn scene(prediction: &Path, truth: &dyn SceneTruth) -> Result<Found, EvalError> {
-    let archives = tracks::archives(prediction)?;
-    if archives.is_empty() {
-        return Err(EvalError::NoSequences { layout: LAYOUT, path: prediction.to_owned() });
-    }
+pub(super) fn scene(prediction: &mut dyn ScenePrediction, truth: &dyn SceneTruth) -> Result<Found, EvalError> {
     let images = truth.images();
     let poses = truth.poses()?;
-    let mut sources = Vec::new();
-    for path in &archives {
-        let index = tracks::source_index(path)?;
-        if index >= images {
-            return Err(EvalError::counts("images", index + 1, images));
-        }
-        sources.push((index, path));
+    let sources = prediction.sources()?;
+    if let Some(&beyond) = sources.iter().find(|&&index| index >= images) {
+        return Err(EvalError::counts("images", beyond + 1, images));
     }
     let mut video = VideoScale::default();
-    for (index, path) in &sources {
-        let pair = pair(*index, path, truth, &poses)?;
+    for index in &sources {
+        let pair = pair(*index, prediction, truth, &poses)?;
         video.add(&pair.image(&pair.predicted, false))?;
     }
     let video = DenseScale::Given(video.scale().unwrap_or(f64::NAN));
     let ways = ways();
     let mut scores: Vec<Vec<DenseScore>> = vec![Vec::new(); ways.len()];
     let mut by_time = vec![Vec::new(); images];
-    for (index, path) in &sources {
-        let pair = pair(*index, path, truth, &poses)?;
+    for index in &sources {
+        let pair = pair(*index, prediction, truth, &poses)?;
         let pixels = pair.known.len();
         let own = &pair.predicted[index * pixels..(index + 1) * pixels];
         let still: Vec<[f64; 3]> = own.iter().copied().cycle().take(pair.predicted.len()).collect();
@@ -151,13 +144,18 @@ pub(super) fn scene(prediction: &Path, truth: &dyn SceneTruth) -> Result<Found, 
 }
 
 /// Reads a source image of both.
-fn pair(index: usize, path: &Path, truth: &dyn SceneTruth, poses: &[Rigid]) -> Result<Pair, EvalError> {
-    let predicted = tracks::read(path)?;
+fn pair(
+    index: usize,
+    prediction: &mut dyn ScenePrediction,
+    truth: &dyn SceneTruth,
+    poses: &[Rigid],
+) -> Result<Pair, EvalError> {
+    let predicted = prediction.source(index)?;
     EvalError::expect("images and times", predicted.times, truth.images())?;
     let (mut points, moving) = truth.source(index)?;
     let [width, height] = truth.size();
     EvalError::expect("pixels of the truth", points.len(), truth.images() * width * height)?;
-    let (from, known) = places(&predicted.pixels, [width, height], path)?;
+    let (from, known) = places(&predicted.pixels, [width, height], &prediction.place(index))?;
     let (to_first, to_first_predicted) = (poses[0], predicted.extrinsics[0]);
     points.iter_mut().for_each(|point| *point = to_first.apply(*point));
     let count = predicted.count();

@@ -82,10 +82,69 @@ fn broken_truth_and_other_counts_are_said() {
     scene_at(&predicted.join("a"), 3, |p| p);
     let error = evaluate(&predicted, &truth).unwrap_err().to_string();
     assert!(error.contains("2 archives of 3 images"), "{error}");
+    scene_at(&truth.join("a"), 3, |p| p);
+    std::fs::copy(predicted.join("a/000002.npz"), predicted.join("a/000007.npz")).unwrap();
+    let error = evaluate(&predicted, &truth).unwrap_err().to_string();
+    assert!(error.contains("images: the prediction has 8 and the truth 3"), "{error}");
+    std::fs::remove_file(predicted.join("a/000007.npz")).unwrap();
     scene_at(&truth.join("a"), 3, |_| [f32::NAN; 3]);
     let error = evaluate(&predicted, &truth).unwrap_err().to_string();
     assert!(error.contains("no pixel of its source images"), "{error}");
     std::fs::write(truth.join("a/000001.npz"), b"nothing").unwrap();
     assert!(evaluate(&predicted, &truth).unwrap_err().to_string().contains("NPZ"));
     assert!(matches!(evaluate(&predicted, dir.path().join("predicted/none").as_path()), Err(EvalError::Read { .. })));
+}
+
+/// A scene of a data set: one video of `frames` images of the truth above, seen by cameras that stand still.
+fn scene_on_disk(dir: &Path, frames: usize) {
+    use omnix_data::{Dense, Flag, Motion, SampleParts, Time, Unit};
+
+    let (pixels, count) = (SIZE[0] * SIZE[1], frames as u32);
+    let point = |pixel: usize, time: usize| {
+        let x = if pixel == 0 { 0.5 * time as f32 } else { 0.0 };
+        // The centre of the pixel at a depth of 4 m, with a focal length of 4 pixels.
+        [x + (pixel % SIZE[0]) as f32 + 0.5 - 2.0, (pixel / SIZE[0]) as f32 + 0.5 - 1.0, 4.0]
+    };
+    let positions = (0..frames * frames * pixels).map(|i| point(i % pixels, i / pixels % frames)).collect::<Vec<_>>();
+    let camera = omnix_geometry::Camera {
+        extrinsics: omnix_geometry::IDENTITY_POSE,
+        intrinsics: [[4.0, 0.0, 2.0], [0.0, 4.0, 1.0], [0.0, 0.0, 1.0]],
+    };
+    let sample = Sample::new(SampleParts {
+        size: SIZE.map(|side| side as u32),
+        images: vec![0; frames * pixels * 3],
+        times: (0..count).map(|k| Time { frame: k, moment: k, ..Time::default() }).collect(),
+        cameras: vec![camera; frames],
+        depth: Some(vec![4.0; frames * pixels]),
+        moving: Some((0..frames * pixels).map(|i| Flag::from(i % pixels == 0)).collect()),
+        motion: Motion::Dense(Dense { positions, visible: Some(vec![Flag::Yes; frames * frames * pixels]) }),
+        unit: Unit::Metre,
+    });
+    let points: Vec<(usize, usize)> = (0..pixels).map(|pixel| (0, pixel)).collect();
+    omnix_data::sets::shared::write(&sample.unwrap(), dir, &points).unwrap();
+}
+
+#[test]
+fn scenes_of_a_data_set_are_truth() {
+    let dir = tempfile::tempdir().unwrap();
+    let (truth, predicted) = (dir.path().join("truth"), dir.path().join("predicted"));
+    for name in ["a", "b", "c"] {
+        scene_on_disk(&truth.join(name), TIMES);
+    }
+    let run = |of: &dyn Fn([f32; 3]) -> [f32; 3], place: &str| scene_at(&predicted.join(place), 1, of);
+    // The run has pixel positions at the corner of a pixel; it is moved by half a pixel and the middle of the picture, and scaled.
+    let right = |[x, y, z]: [f32; 3]| [x - 1.5, y - 0.5, z].map(|v| v / 2.0);
+    run(&right, "a/video 0/exports/tracks");
+    run(&right, "b");
+    let report = evaluate(&predicted, &truth).unwrap();
+    let name = "first image, ALL, one scale per image";
+    assert!(row(&report, name).values[0] == 1.0 && row(&report, name).values[1] < 1e-5, "{report:?}");
+    assert_eq!(report.sequences.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["a/video 0", "b/video 0"]);
+    assert!(report.skipped[0].name == "c/video 0" && report.skipped[0].reason.contains("no prediction"));
+    let still = row(&report, "first image, FG, as if nothing moved, one scale per image");
+    assert!(still.values[1] > 0.1, "{still:?}");
+    // A scene that lost a file has no result, and says which.
+    std::fs::remove_file(truth.join("a/moving/00001.png")).unwrap();
+    let report = evaluate(&predicted, &truth).unwrap();
+    assert!(report.skipped[0].reason.contains("00001.png"), "{:?}", report.skipped);
 }
