@@ -166,3 +166,93 @@ fn what_a_network_costs_is_counted_and_measured() {
     let ran = omnix(&["eval", "efficiency", "--size", "43x28"]);
     assert_eq!(ran.code, Some(2), "{}", ran.err);
 }
+
+/// Two scenes of two cameras and so many frames, in the shared layout or the paper's.
+fn made(out: &Path, frames: &str, layout: &str) {
+    let size = ["--size", "56x42", "--layout", layout, "--seed", "4"];
+    let more = [&["--scenes", "1", "--cameras", "2", "--frames", frames][..], &size].concat();
+    omnix(&[&["scenes", "--out", out.to_str().unwrap()][..], &more].concat()).ok();
+}
+
+#[test]
+fn a_network_is_run_over_a_data_set() {
+    let dir = tempfile::tempdir().unwrap();
+    let (scenes, out) = (dir.path().join("scenes"), dir.path().join("r.json"));
+    made(&scenes, "5", "ue");
+    let common = ["--data", scenes.to_str().unwrap(), "--size", "56x42", "--json", out.to_str().unwrap()];
+    let run = |kind: &str, more: &[&str]| {
+        omnix(&[&["eval", kind][..], &common, more].concat()).ok();
+        for file in ["r.md", "r-sequences.svg", "r-frames.svg"] {
+            assert!(fs::metadata(dir.path().join(file)).unwrap().len() > 500, "{kind}: {file}");
+        }
+        let report = json(&out);
+        let notes = report["notes"].to_string();
+        assert!(notes.contains("the network nano") && notes.contains("left out"), "{kind}: {notes}");
+        report
+    };
+    let depth = run("depth", &["--clips", "contiguous:2", "--align", "scale"]);
+    let values = mean(&depth, "contiguous clips of 2 frames, scale");
+    assert!(values["abs_rel"].as_f64().is_some_and(|error| error > 0.0 && error < 2.0), "{depth}");
+    assert_eq!((&depth["evaluated"], &depth["means"][0]["count"]), (&Value::from(2), &Value::from(4)));
+    let trajectories = run("trajectories", &["--clips", "contiguous:4", "--set", "ue"]);
+    let all = mean(&trajectories, "all images, ALL, one scale per image");
+    assert!(all["APD3D"].is_f64() && all["EPE"].as_f64().is_some_and(|error| error > 0.0), "{trajectories}");
+    let names = trajectories["sequences"].to_string() + &trajectories["skipped"].to_string();
+    assert!(["monocular/", "pairs/", "hybrid/"].iter().all(|input| names.contains(input)), "{names}");
+    // The cameras of a network so small may lie on a line: a result, or a reason.
+    let ran = omnix(&[&["eval", "pose"][..], &common, &["--clips", "contiguous:4"]].concat());
+    assert!(ran.code == Some(0) || ran.err.contains("no alignment"), "{}{}", ran.out, ran.err);
+    // Tracks of the benchmark's own files, in clips that their few frames fill.
+    let adt = goldens().join("tapvid3d_files/adt/gt");
+    let tracks = ["--data", adt.to_str().unwrap(), "--clips", "contiguous:4", "--json", out.to_str().unwrap()];
+    omnix(&[&["eval", "tapvid3d"][..], &tracks].concat()).ok();
+    assert!(json(&out)["notes"].to_string().contains("predicted visible"));
+}
+
+#[test]
+fn runs_over_the_videos_of_scenes_are_compared_with_the_scenes() {
+    let dir = tempfile::tempdir().unwrap();
+    let (scenes, runs, out) = (dir.path().join("scenes"), dir.path().join("runs"), dir.path().join("r.json"));
+    made(&scenes, "3", "ue");
+    let camera = scenes.join("scene_000000/image/cam_00");
+    let more = ["--size", "56x42", "--export", "tracks", "--all-tracks"];
+    reconstruct(&camera, &runs.join("scene_000000/cam_00"), &more).ok();
+    let ran = eval("trajectories", &runs, &scenes, &["--json", out.to_str().unwrap()]).ok();
+    let report = json(&out);
+    assert_eq!(
+        (&report["evaluated"], report["skipped"].as_array().unwrap().len()),
+        (&Value::from(1), 1),
+        "{}",
+        ran.out
+    );
+    assert!(report["skipped"][0]["name"] == "scene_000000/cam_01", "{report}");
+    assert!(mean(&report, "first image, ALL, one scale per image")["EPE"].as_f64().is_some_and(|e| e > 0.0));
+}
+
+#[test]
+fn what_cannot_be_run_is_said_with_its_code() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |path: &Path| path.to_str().unwrap().to_owned();
+    let none = at(&dir.path().join("none"));
+    for kind in ["depth", "pose", "trajectories", "tapvid3d"] {
+        omnix(&["eval", kind]).fails(2, &["--pred"]);
+        omnix(&["eval", kind, "--data", &none]).fails(3, &["none"]);
+        omnix(&["eval", kind, "--data", &none, "--pred", &none, "--truth", &none]).fails(2, &["--data"]);
+        omnix(&["eval", kind, "--data", &at(dir.path()), "--weights", "no-such"]).fails(3, &["no-such"]);
+    }
+    omnix(&["eval", "depth", "--data", &at(dir.path())]).fails(3, &["not a scene of a known data set", "nothing"]);
+    omnix(&["eval", "depth", "--data", &none, "--set", "plain"]).fails(3, &["none"]);
+    omnix(&["eval", "depth", "--data", &none, "--set", "no-set"]).fails(2, &["kitti", "hoi4d"]);
+    omnix(&["eval", "depth", "--pred", &none, "--truth", &none, "--set", "ue"]).fails(2, &["--data"]);
+    omnix(&["eval", "depth", "--data", &none, "--clips", "whole", "--clips", "uniform:4"]).fails(2, &["once"]);
+    omnix(&["eval", "trajectories", "--data", &at(dir.path()), "--inputs", "mono"]).fails(3, &["not a scene"]);
+    let scenes = dir.path().join("scenes");
+    made(&scenes, "3", "omnix");
+    omnix(&["eval", "trajectories", "--data", &at(&scenes), "--inputs", "mono"]).fails(2, &["mono", "hybrid"]);
+    omnix(&["eval", "pose", "--data", &at(&scenes), "--set", "ue"]).fails(3, &["no scene of ue, but of shared"]);
+    // Three frames fill no clip of the paper's.
+    omnix(&["eval", "depth", "--data", &at(&scenes)]).fails(3, &["fill no clip"]);
+    let depths = fs::read_dir(scenes.join("scene_000000/depths")).unwrap();
+    depths.for_each(|file| fs::remove_file(file.unwrap().path()).unwrap());
+    omnix(&["eval", "depth", "--data", &at(&scenes), "--clips", "whole"]).fails(3, &["unpacked as a whole"]);
+}

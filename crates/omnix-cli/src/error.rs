@@ -45,7 +45,7 @@ pub(crate) enum CliError {
     },
     /// From an evaluation.
     #[error(transparent)]
-    Eval(#[from] EvalError),
+    Eval(EvalError),
     /// From scenes.
     #[error(transparent)]
     Scenes(#[from] ScenesError),
@@ -209,6 +209,20 @@ pub(crate) enum CliError {
     },
 }
 
+impl From<EvalError> for CliError {
+    fn from(error: EvalError) -> Self {
+        match error {
+            // What kept the network from running ends the program as it would anywhere else.
+            EvalError::Run(inner) => match inner.downcast::<Self>() {
+                Ok(own) => *own,
+                Err(inner) => Self::Eval(EvalError::Run(inner)),
+            },
+            EvalError::Sample(error) => Self::Data(error),
+            other => Self::Eval(other),
+        }
+    }
+}
+
 impl From<OmnixError> for CliError {
     fn from(error: OmnixError) -> Self {
         match error {
@@ -271,7 +285,7 @@ impl CliError {
             Self::Omnix(error) | Self::TooLarge { source: error, .. } => library_cure(error),
             Self::TensorTooLarge { .. } => Some(SMALLER),
             Self::ResultsAsInputs { .. } => Some(OTHER_FOLDER),
-            Self::Data(DataError::UnknownSet { .. }) => Some("--set names the data set"),
+            Self::Data(DataError::UnknownSet { .. } | DataError::OtherSet { .. }) => Some("--set names the data set"),
             Self::Data(DataError::TooLarge { .. }) => Some("--images takes fewer images of each scene"),
             _ => None,
         }

@@ -67,12 +67,7 @@ impl Preparation {
                     )));
                 }
                 let shape = input.frames.first().map_or((504, 280), |f| (f.width, f.height));
-                let (shape, patches) = match weights.note() {
-                    Some(_) if 4 * u64::from(shape.0) < 3 * u64::from(shape.1) => ((3, 4), PATCHES_NANO_TALL),
-                    Some(_) => (shape, PATCHES_NANO),
-                    None => (shape, PATCHES),
-                };
-                let (width, height) = args.size.unwrap_or_else(|| fitting(shape, patches));
+                let (width, height) = args.size.unwrap_or_else(|| usual_size(weights, shape));
                 Ok(Self::OmniX(OmnixPreprocess { width, height }))
             }
         }
@@ -144,6 +139,16 @@ impl Preparation {
             }),
             Self::OmniX(_) => json!({ "kind": "omnix", "size": [width, height] }),
         }
+    }
+}
+
+/// The size at which a network takes pictures of this width and height, if nobody says another: about as many pixels as it was trained
+/// with, in their shape.
+pub(crate) fn usual_size(weights: &Weights, shape: (u32, u32)) -> (u32, u32) {
+    match weights.note() {
+        Some(_) if 4 * u64::from(shape.0) < 3 * u64::from(shape.1) => fitting((3, 4), PATCHES_NANO_TALL),
+        Some(_) => fitting(shape, PATCHES_NANO),
+        None => fitting(shape, PATCHES),
     }
 }
 

@@ -1,20 +1,26 @@
-//! `omnix eval`: predictions against truth, by the numbers of papers.
+//! `omnix eval`: predictions against truth, by the numbers of papers: from files, or of a network that is run over a data set.
 
 mod efficiency;
 mod network;
+mod predictions;
+mod runner;
 
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
-use omnix_eval::clips::ClipRule;
+use omnix_data::Set;
+use omnix_eval::clips::{CLIP_FRAMES, ClipRule};
 use omnix_eval::depth::Alignment;
 use omnix_eval::kinds::depth::{self, DepthSet};
 use omnix_eval::kinds::pose::{self, PoseSet};
 use omnix_eval::kinds::{tapvid3d, trajectories};
+use omnix_eval::run::{self, DepthData, PoseData, SceneData};
 use omnix_eval::table::Report;
 use omnix_eval::tracks::Thresholds;
 use omnix_eval::tracks::tapvid3d::Scaling;
 
+use self::predictions::{Place, Predictions};
+use super::data::set_of;
 use crate::error::CliError;
 use crate::ui::{self, Ui};
 
@@ -27,9 +33,10 @@ pub(crate) enum EvalCommand {
     Pose(PoseArgs),
     /// 3D point tracks of TAPVid-3D: APD3D, AJ, OA, EPE.
     Tapvid3d(Tapvid3dArgs),
-    /// Trajectories of all pixels, from runs with `--export tracks --all-tracks`: APD3D and EPE of the first image and of all, of what moves
-    /// and of everything.
-    Trajectories(Files),
+    /// Trajectories of all pixels: APD3D and EPE of the first image and of all, of what moves and of everything. Predictions are runs
+    /// with `--export tracks --all-tracks`; the truth is such runs, or scenes as `omnix scenes` writes them, for each video
+    /// VIDEO of a scene NAME a run NAME/VIDEO.
+    Trajectories(TrajectoryArgs),
     /// A network on samples with known depth, cameras and motion, made from a seed or read from a data set: each figure apart, beside the
     /// trivial answers. Opens a device.
     Network(network::NetworkArgs),
@@ -37,31 +44,20 @@ pub(crate) enum EvalCommand {
     Efficiency(efficiency::EfficiencyArgs),
 }
 
-/// Where predictions and truth lie, and where the result goes.
-#[derive(Debug, Args)]
-#[command(after_long_help = crate::error::EXIT_CODES)]
-pub(crate) struct Files {
-    /// Folder of predictions, named as the sequences of the truth.
-    #[arg(long, value_name = "PATH")]
-    pred: PathBuf,
-    /// Folder of the truth.
-    #[arg(long, value_name = "PATH")]
-    truth: PathBuf,
-    /// Write the result to this file, and beside it as Markdown (.md) and plots (.svg).
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-}
-
 /// Arguments of `omnix eval depth`.
 #[derive(Debug, Args)]
+#[command(after_long_help = crate::error::EXIT_CODES)]
 pub(crate) struct DepthArgs {
     #[command(flatten)]
-    files: Files,
-    /// Whose layout and protocol the truth has.
-    #[arg(long, value_name = "SET")]
-    set: Depths,
-    /// Frames evaluated together: whole, contiguous:N or uniform:N; may be given again, the first is quoted.
-    #[arg(long, value_name = "RULE", value_parser = ClipRule::parse, default_values = ["contiguous:16", "whole"])]
+    from: Predictions,
+    /// Whose layout and protocol the truth has: kitti (annotated depth), sintel and bonn (up to 70 m), plain (arrays, in the layouts of
+    /// predictions; from files alone). With --data also a data set of scenes, as `omnix data check` names them. [default with --data: the set
+    /// that its scenes look like]
+    #[arg(long, value_name = "SET", value_parser = depth_set)]
+    set: Option<Truth<DepthSet>>,
+    /// Frames evaluated together: whole, contiguous:N or uniform:N; of files more than one may be given, the first is quoted. [default:
+    /// contiguous:16, and of files whole too]
+    #[arg(long, value_name = "RULE", value_parser = ClipRule::parse)]
     clips: Vec<ClipRule>,
     /// How predictions are brought onto the truth; may be given again, the first is quoted. [default: all, scale first]
     #[arg(long, value_name = "HOW")]
@@ -70,27 +66,32 @@ pub(crate) struct DepthArgs {
 
 /// Arguments of `omnix eval pose`.
 #[derive(Debug, Args)]
+#[command(after_long_help = crate::error::EXIT_CODES)]
 pub(crate) struct PoseArgs {
     #[command(flatten)]
-    files: Files,
-    /// Whose layout and protocol the truth has.
-    #[arg(long, value_name = "SET")]
-    set: Poses,
-    /// Poses evaluated together: whole, contiguous:N or uniform:N.
-    #[arg(long, value_name = "RULE", value_parser = ClipRule::parse, default_value = "whole")]
-    clips: ClipRule,
+    from: Predictions,
+    /// Whose layout and protocol the truth has: sintel (.cam, positions relative to their mean), tum (rgb.txt and groundtruth.txt; every
+    /// third match, the first 90), plain (NAME.txt or NAME.tum; from files alone). With --data also a data set of scenes, as `omnix data check`
+    /// names them. [default with --data: the set that its scenes look like]
+    #[arg(long, value_name = "SET", value_parser = pose_set)]
+    set: Option<Truth<PoseSet>>,
+    /// Poses evaluated together: whole, contiguous:N or uniform:N. [default: whole; with --data contiguous:16]
+    #[arg(long, value_name = "RULE", value_parser = ClipRule::parse)]
+    clips: Option<ClipRule>,
 }
 
 /// Arguments of `omnix eval tapvid3d`.
 #[derive(Debug, Args)]
+#[command(after_long_help = crate::error::EXIT_CODES)]
 pub(crate) struct Tapvid3dArgs {
     #[command(flatten)]
-    files: Files,
+    from: Predictions,
     /// Text file with the names to evaluate, one a line, such as those of minival. [default: all files of the truth]
     #[arg(long, value_name = "FILE")]
     names: Option<PathBuf>,
-    /// Frames evaluated together: whole, contiguous:N or uniform:N; may be given again, the first is quoted.
-    #[arg(long, value_name = "RULE", value_parser = ClipRule::parse, default_values = ["whole", "contiguous:16"])]
+    /// Frames evaluated together: whole, contiguous:N or uniform:N; of files more than one may be given, the first is quoted. [default: of
+    /// files whole and contiguous:16; with --data contiguous:16]
+    #[arg(long, value_name = "RULE", value_parser = ClipRule::parse)]
     clips: Vec<ClipRule>,
     /// How predictions are scaled; may be given again, the first is quoted.
     #[arg(long, value_name = "HOW", default_values = ["median"])]
@@ -100,26 +101,22 @@ pub(crate) struct Tapvid3dArgs {
     fixed_thresholds: bool,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Depths {
-    /// Annotated depth; 16-bit PNG.
-    Kitti,
-    /// `.dpt`, up to 70 m.
-    Sintel,
-    /// 16-bit PNG, up to 70 m.
-    Bonn,
-    /// Arrays, in the layouts of predictions.
-    Plain,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Poses {
-    /// `.cam`, positions relative to their mean.
-    Sintel,
-    /// rgb.txt and groundtruth.txt; every third match, the first 90.
-    Tum,
-    /// NAME.txt or NAME.tum.
-    Plain,
+/// Arguments of `omnix eval trajectories`.
+#[derive(Debug, Args)]
+#[command(after_long_help = crate::error::EXIT_CODES)]
+pub(crate) struct TrajectoryArgs {
+    #[command(flatten)]
+    from: Predictions,
+    /// With --data: the data set, where more than one would fit, as `omnix data check` names them.
+    #[arg(long, value_name = "SET", value_parser = set_of, requires = "data")]
+    set: Option<Set>,
+    /// With --data: frames run and evaluated together: whole, contiguous:N or uniform:N. [default: contiguous:16]
+    #[arg(long, value_name = "RULE", value_parser = ClipRule::parse, requires = "data")]
+    clips: Option<ClipRule>,
+    /// With --data: the paper's kinds of input: monocular (every video), pairs (two or three videos, one after the other in time), hybrid
+    /// (photographs and a video); the last two once a scene.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_values = run::INPUTS, requires = "data")]
+    inputs: Vec<String>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -152,20 +149,44 @@ enum Scaled {
     MedianOnQueries,
 }
 
+/// A benchmark with a protocol of its own, or a data set of scenes.
+#[derive(Debug, Clone, Copy)]
+enum Truth<T> {
+    Benchmark(T),
+    Scenes(Set),
+}
+
+fn depth_set(name: &str) -> Result<Truth<DepthSet>, String> {
+    const ALL: [(&str, DepthSet); 4] = [
+        ("kitti", DepthSet::Kitti),
+        ("sintel", DepthSet::Sintel),
+        ("bonn", DepthSet::Bonn),
+        ("plain", DepthSet::Plain),
+    ];
+    truth_of(name, &ALL)
+}
+
+fn pose_set(name: &str) -> Result<Truth<PoseSet>, String> {
+    truth_of(name, &[("sintel", PoseSet::Sintel), ("tum", PoseSet::Tum), ("plain", PoseSet::Plain)])
+}
+
+fn truth_of<T: Copy>(name: &str, benchmarks: &[(&str, T)]) -> Result<Truth<T>, String> {
+    match benchmarks.iter().find(|(own, _)| *own == name) {
+        Some((_, set)) => Ok(Truth::Benchmark(*set)),
+        None => set_of(name).map(Truth::Scenes).map_err(|scenes| {
+            let names: Vec<&str> = benchmarks.iter().map(|(own, _)| *own).collect();
+            format!("use one of {}; with --data also {}", names.join(", "), scenes.trim_start_matches("use one of "))
+        }),
+    }
+}
+
 /// Evaluates, prints the tables, and writes the files.
 pub(crate) fn run(command: &EvalCommand, ui: &mut Ui) -> Result<(), CliError> {
     let (json, report) = match command {
-        EvalCommand::Depth(args) => (&args.files.json, depth_of(args)?),
-        EvalCommand::Pose(args) => {
-            let set = match args.set {
-                Poses::Sintel => PoseSet::Sintel,
-                Poses::Tum => PoseSet::Tum,
-                Poses::Plain => PoseSet::Plain,
-            };
-            (&args.files.json, pose::evaluate(&args.files.pred, &args.files.truth, set, args.clips)?)
-        }
-        EvalCommand::Tapvid3d(args) => (&args.files.json, tapvid3d_of(args)?),
-        EvalCommand::Trajectories(files) => (&files.json, trajectories::evaluate(&files.pred, &files.truth)?),
+        EvalCommand::Depth(args) => (&args.from.json, depth_of(args, ui)?),
+        EvalCommand::Pose(args) => (&args.from.json, pose_of(args, ui)?),
+        EvalCommand::Tapvid3d(args) => (&args.from.json, tapvid3d_of(args, ui)?),
+        EvalCommand::Trajectories(args) => (&args.from.json, trajectories_of(args, ui)?),
         EvalCommand::Network(args) => (&args.json, network::evaluate(args, ui)?),
         EvalCommand::Efficiency(args) => (&args.json, efficiency::evaluate(args, ui)?),
     };
@@ -188,13 +209,40 @@ fn tell(json: Option<&Path>, report: &Report, ui: &mut Ui) -> Result<(), CliErro
     ui::print(report.to_markdown().trim_end())
 }
 
-fn depth_of(args: &DepthArgs) -> Result<Report, CliError> {
-    let set = match args.set {
-        Depths::Kitti => DepthSet::Kitti,
-        Depths::Sintel => DepthSet::Sintel,
-        Depths::Bonn => DepthSet::Bonn,
-        Depths::Plain => DepthSet::Plain,
-    };
+/// The clips of the paper, in which a network is run.
+const CLIPS: ClipRule = ClipRule::Contiguous(CLIP_FRAMES);
+
+/// The one rule by which a network is run.
+fn one(rules: &[ClipRule]) -> Result<ClipRule, CliError> {
+    match rules {
+        [] => Ok(CLIPS),
+        [rule] => Ok(*rule),
+        _ => Err(CliError::Usage("--data runs the network over clips of one rule: give --clips once".to_owned())),
+    }
+}
+
+/// The benchmark whose files are read.
+fn of_files<T: Copy>(set: Option<Truth<T>>, names: &str) -> Result<T, CliError> {
+    match set {
+        Some(Truth::Benchmark(set)) => Ok(set),
+        Some(Truth::Scenes(set)) => {
+            let set = set.name();
+            Err(CliError::Usage(format!("--set {set} is for --data; of files --set is one of {names}")))
+        }
+        None => Err(CliError::Usage(format!("--set says whose layout the truth has: {names}"))),
+    }
+}
+
+/// The benchmark or scenes of a folder.
+fn of_data<T: Copy>(set: Option<Truth<T>>) -> Result<T, Option<Set>> {
+    match set {
+        Some(Truth::Benchmark(set)) => Ok(set),
+        Some(Truth::Scenes(set)) => Err(Some(set)),
+        None => Err(None),
+    }
+}
+
+fn depth_of(args: &DepthArgs, ui: &mut Ui) -> Result<Report, CliError> {
     let of = |align: &Aligned| match align {
         Aligned::Scale => Alignment::Scale,
         Aligned::Median => Alignment::Median,
@@ -204,11 +252,55 @@ fn depth_of(args: &DepthArgs) -> Result<Report, CliError> {
     };
     let asked: Vec<Alignment> = args.align.iter().map(of).collect();
     let alignments = if asked.is_empty() { Alignment::ALL.to_vec() } else { asked };
-    let options = depth::Options { clips: args.clips.clone(), alignments };
-    Ok(depth::evaluate(&args.files.pred, &args.files.truth, set, &options)?)
+    match args.from.place() {
+        Place::Files { pred, truth } => {
+            let set = of_files(args.set, "kitti, sintel, bonn, plain")?;
+            let clips = if args.clips.is_empty() { vec![CLIPS, ClipRule::Whole] } else { args.clips.clone() };
+            Ok(depth::evaluate(pred, truth, set, &depth::Options { clips, alignments })?)
+        }
+        Place::Data(folder) => {
+            let data = match of_data(args.set) {
+                Ok(set) => DepthData::Benchmark(folder, set),
+                Err(set) => DepthData::Scenes(SceneData { folder, set }),
+            };
+            let (rule, most) = (one(&args.clips)?, args.from.most());
+            args.from
+                .over("depth", ui, |network, progress| run::depth(network, data, rule, &alignments, most, progress))
+        }
+    }
 }
 
-fn tapvid3d_of(args: &Tapvid3dArgs) -> Result<Report, CliError> {
+fn pose_of(args: &PoseArgs, ui: &mut Ui) -> Result<Report, CliError> {
+    match args.from.place() {
+        Place::Files { pred, truth } => {
+            let set = of_files(args.set, "sintel, tum, plain")?;
+            Ok(pose::evaluate(pred, truth, set, args.clips.unwrap_or(ClipRule::Whole))?)
+        }
+        Place::Data(folder) => {
+            let data = match of_data(args.set) {
+                Ok(set) => PoseData::Benchmark(folder, set),
+                Err(set) => PoseData::Scenes(SceneData { folder, set }),
+            };
+            let (rule, most) = (args.clips.unwrap_or(CLIPS), args.from.most());
+            args.from.over("pose", ui, |network, progress| run::pose(network, data, rule, most, progress))
+        }
+    }
+}
+
+fn trajectories_of(args: &TrajectoryArgs, ui: &mut Ui) -> Result<Report, CliError> {
+    match args.from.place() {
+        Place::Files { pred, truth } => Ok(trajectories::evaluate(pred, truth)?),
+        Place::Data(folder) => {
+            let data = SceneData { folder, set: args.set };
+            let (rule, most) = (args.clips.unwrap_or(CLIPS), args.from.most());
+            args.from.over("trajectories", ui, |network, progress| {
+                run::trajectories(network, data, rule, &args.inputs, most, progress)
+            })
+        }
+    }
+}
+
+fn tapvid3d_of(args: &Tapvid3dArgs, ui: &mut Ui) -> Result<Report, CliError> {
     let of = |scaling: &Scaled| match scaling {
         Scaled::Median => Scaling::Median,
         Scaled::Mean => Scaling::Mean,
@@ -217,11 +309,25 @@ fn tapvid3d_of(args: &Tapvid3dArgs) -> Result<Report, CliError> {
         Scaled::Reproduce2d => Scaling::Reproduce2d,
         Scaled::MedianOnQueries => Scaling::MedianOnQueries,
     };
-    let options = tapvid3d::Options {
-        clips: args.clips.clone(),
-        scalings: args.scaling.iter().map(of).collect(),
-        thresholds: if args.fixed_thresholds { Thresholds::TAPVID3D_FIXED } else { Thresholds::DepthAdaptive },
-        names: args.names.as_deref().map(tapvid3d::read_names).transpose()?,
+    let options = |clips: Vec<ClipRule>| -> Result<tapvid3d::Options, CliError> {
+        Ok(tapvid3d::Options {
+            clips,
+            scalings: args.scaling.iter().map(of).collect(),
+            thresholds: if args.fixed_thresholds { Thresholds::TAPVID3D_FIXED } else { Thresholds::DepthAdaptive },
+            names: args.names.as_deref().map(tapvid3d::read_names).transpose()?,
+        })
     };
-    Ok(tapvid3d::evaluate(&args.files.pred, &args.files.truth, &options)?)
+    match args.from.place() {
+        Place::Files { pred, truth } => {
+            let clips = if args.clips.is_empty() { vec![ClipRule::Whole, CLIPS] } else { args.clips.clone() };
+            Ok(tapvid3d::evaluate(pred, truth, &options(clips)?)?)
+        }
+        Place::Data(folder) => {
+            let options = options(vec![one(&args.clips)?])?;
+            if args.from.most().is_some() {
+                return Err(CliError::Usage("--most is not for TAPVid-3D: choose with --names".to_owned()));
+            }
+            args.from.over("tapvid3d", ui, |network, progress| run::tapvid3d(network, folder, &options, progress))
+        }
+    }
 }

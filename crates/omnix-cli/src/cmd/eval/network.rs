@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use omnix::io::Picture;
-use omnix::io::preprocess::normalise;
-use omnix::{Engine, Event, Pixels, Query, Request, RunPlan, Session, Weights};
+use omnix::{Pixels, Query};
 use omnix_data::{Pick, ReadOptions, Sample, Set, read, sets};
 use omnix_eval::network::{Answer, Figures, Motion, Score, score};
+use omnix_eval::run::{self, Seen};
 use omnix_eval::table::Report;
 use omnix_scenes::{VALIDATION_SAMPLES, validation};
 
+use super::runner::Runner;
 use crate::args::{self, DeviceArgs};
 use crate::cmd::data::set_of;
 use crate::error::CliError;
@@ -66,7 +66,7 @@ pub(crate) fn evaluate(args: &NetworkArgs, ui: &mut Ui) -> Result<Report, CliErr
         }
     };
     let count = count.min(args.samples.unwrap_or(u64::MAX));
-    let mut network = Network { engine: args.device.open()?, weights: Weights::find(&args.weights)?, ready: None };
+    let mut runner = Runner::open(&args.weights, Some(args.size), &args.device)?;
     let mut figures = Figures::default();
     ui.begin("network", &format!("{count} sample(s) of {}x{}", size[0], size[1]));
     for number in 0..count {
@@ -78,7 +78,7 @@ pub(crate) fn evaluate(args: &NetworkArgs, ui: &mut Ui) -> Result<Report, CliErr
             }
         };
         match sample {
-            Ok(sample) => figures.add(&name, network.judge(&sample)?),
+            Ok(sample) => figures.add(&name, judge(&mut runner, &sample)?),
             Err(error) => figures.skip(&name, error.to_string()),
         }
         ui.progress(number + 1, count);
@@ -96,65 +96,18 @@ fn of_scene(path: &Path, set: Option<Set>, images: u32, size: [u32; 2]) -> Resul
     read(scene.as_ref(), &picks, &ReadOptions { size: Some(size), dense: true, ..ReadOptions::default() })
 }
 
-/// What a session was planned for: the images' times, (video, frame), and their size.
-type Shape = (Vec<(u32, u32)>, [u32; 2]);
-
-/// A network, and its session for samples of one shape.
-struct Network {
-    engine: Engine,
-    weights: Weights,
-    ready: Option<(Shape, Session)>,
-}
-
-impl Network {
-    /// The network's scores for a sample, and those of the trivial answers.
-    fn judge(&mut self, sample: &Sample) -> Result<(Score, [Score; 3]), CliError> {
-        let (count, pixels) = (sample.count(), sample.pixels());
-        let session = self.session(sample)?;
-        let mut plane = vec![0.0; 3 * pixels];
+/// The network's scores for a sample, and those of the trivial answers.
+fn judge(runner: &mut Runner, sample: &Sample) -> Result<(Score, [Score; 3]), CliError> {
+    let count = sample.count();
+    let Seen { depth, cameras } = runner.look(&run::clip_of(sample))?;
+    let (mut positions, mut theta) = (Vec::new(), Vec::new());
+    if let Some(field) = runner.field() {
         for image in 0..count {
-            let [width, height] = sample.size();
-            normalise(&Picture::new(width, height, sample.image(image).to_vec()), &mut plane);
-            session.set_image(image, &plane)?;
+            let paths = field.paths(&Query::new(image, Pixels::All, 0..count))?;
+            positions.extend_from_slice(paths.positions.as_chunks::<3>().0);
+            theta.extend(paths.theta);
         }
-        let (mut depth, mut cameras, mut field) = (vec![0.0; count * pixels], Vec::new(), None);
-        session.run(&mut |event| {
-            match event {
-                Event::Frame(frame) => {
-                    depth[frame.index * pixels..(frame.index + 1) * pixels].copy_from_slice(&frame.depth);
-                    cameras.push(frame.camera);
-                }
-                Event::Field(made) => field = Some(made),
-                _ => {}
-            }
-            Ok(())
-        })?;
-        let (mut positions, mut theta) = (Vec::new(), Vec::new());
-        if let Some(field) = &field {
-            for image in 0..count {
-                let paths = field.paths(&Query::new(image, Pixels::All, 0..count))?;
-                positions.extend(paths.positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
-                theta.extend(paths.theta);
-            }
-        }
-        let motion = field.is_some().then_some(Motion { positions: &positions, theta: &theta });
-        Ok(score(sample, &Answer { depth: &depth, cameras: &cameras, motion })?)
     }
-
-    /// The session for samples of this shape and these times.
-    fn session(&mut self, sample: &Sample) -> Result<&mut Session, CliError> {
-        let times: Vec<(u32, u32)> = sample.times().iter().map(|time| (time.video, time.frame)).collect();
-        let key = (times.clone(), sample.size());
-        let ready = match self.ready.take() {
-            Some(ready) if ready.0 == key => ready,
-            _ => {
-                let [width, height] = sample.size().map(|side| side as usize);
-                let motion = self.weights.network().config().trajectory.is_some();
-                let request = Request::new(sample.count(), height, width).times(times).motion(motion);
-                let plan = RunPlan::new(&self.weights, &request, self.engine.caps())?;
-                (key, Session::new(&self.engine, &self.weights, plan, &mut omnix::quiet())?)
-            }
-        };
-        Ok(&mut self.ready.insert(ready).1)
-    }
+    let motion = runner.field().is_some().then_some(Motion { positions: &positions, theta: &theta });
+    Ok(score(sample, &Answer { depth: &depth, cameras: &cameras, motion })?)
 }
