@@ -89,6 +89,9 @@ pub(crate) struct Asked<'a> {
 /// Where predictions come from. An error of one counts as zero, [`EvalError::Run`] apart, which ends the evaluation.
 pub(crate) type Predict<'a> = dyn FnMut(&Asked<'_>) -> Result<ClipPrediction, EvalError> + 'a;
 
+/// The same of one archive: its truth and the frame in which each track is asked for.
+type PredictOne<'a> = dyn FnMut(&ClipTruth, &[usize]) -> Result<ClipPrediction, EvalError> + 'a;
+
 /// Evaluates predictions against the truth below `truth`.
 ///
 /// # Errors
@@ -235,7 +238,7 @@ struct Found {
 
 /// Scores a sequence under every way. An error of the prediction gives zeros, an error of the truth is returned.
 fn sequence(
-    predict: &mut dyn FnMut(&ClipTruth, &[usize]) -> Result<ClipPrediction, EvalError>,
+    predict: &mut PredictOne<'_>,
     truth: &Path,
     thresholds: Thresholds,
     ways: &mut [Way],
