@@ -9,6 +9,8 @@ use crate::{Flag, Motion, Sample};
 
 /// Difference of depth, as a share, within which a point lies on the surface that an image shows.
 const ON: f64 = 0.03;
+/// The least difference of depth, as a share, that f32 numbers tell.
+const EXACT: f64 = 2e-6;
 /// A point of a still pixel that comes further than this share of its depth from its own place moves.
 const STILL: f64 = 0.005;
 /// Points this near to the edge of an image, in pixels, may be in or out.
@@ -145,20 +147,28 @@ fn still_but_moving(sample: &Sample) -> usize {
 }
 
 /// Compares visibility with depth; none without both.
+///
+/// What hides a point may be thin: a sheet of paper on a desk. So a hidden point counts as a contradiction only where it lies on the
+/// surface that the image shows as exactly as most visible points do.
 pub(super) fn visibility(sample: &Sample, cameras: &[Pinhole]) -> Option<Visibility> {
-    let mut found = Visibility { compared: 0, contradictions: 0, outside: 0, behind: 0, hidden: 0 };
+    let mut told = Vec::new();
     flags(sample, cameras, |flag, inside, beside| {
-        if flag == Flag::Unknown || inside.is_none() || (inside == Some(true) && beside.is_none()) {
-            return;
-        }
-        found.compared += 1;
-        match (flag, inside == Some(true), beside) {
-            (Flag::Yes, false, _) => found.outside += 1,
-            (Flag::Yes, true, Some(off)) if off > ON => found.behind += 1,
-            (Flag::No, true, Some(off)) if off < ON / 3.0 => found.hidden += 1,
-            _ => {}
+        if flag != Flag::Unknown && inside.is_some() && (inside == Some(false) || beside.is_some()) {
+            told.push((flag, inside == Some(true), beside));
         }
     });
+    let seen = told.iter().filter(|(flag, inside, _)| *flag == Flag::Yes && *inside);
+    let mut off: Vec<f64> = seen.filter_map(|(.., beside)| beside.map(f64::abs)).collect();
+    let exact = if off.is_empty() { ON / 3.0 } else { (4.0 * quantile(&mut off, 0.5)).clamp(EXACT, ON / 3.0) };
+    let mut found = Visibility { compared: told.len(), contradictions: 0, outside: 0, behind: 0, hidden: 0 };
+    for told in told {
+        match told {
+            (Flag::Yes, false, _) => found.outside += 1,
+            (Flag::Yes, true, Some(off)) if off > ON => found.behind += 1,
+            (Flag::No, true, Some(off)) if off < exact => found.hidden += 1,
+            _ => {}
+        }
+    }
     found.contradictions = found.outside + found.behind + found.hidden;
     (found.compared > 0).then_some(found)
 }
