@@ -173,7 +173,18 @@ pub(super) fn visibility(sample: &Sample, cameras: &[Pinhole]) -> Option<Visibil
     (found.compared > 0).then_some(found)
 }
 
-/// Calls `tell` for flags of visibility with whether the point is inside of the image (none at its edge), and with its depth over the depth
+/// Whether the surface at a pixel of a map of positions shows its back to a camera at `from`: a sheet without thickness is hidden there
+/// although it lies where the camera sees it. The neighbours in the map say how it lies; one beyond an edge of depth may say it wrong.
+fn faces_away(positions: &[[f32; 3]], [width, height]: [usize; 2], pixel: usize, from: DVec3) -> bool {
+    let point = |pixel: usize| DVec3::from(positions[pixel].map(f64::from));
+    let (column, row, here) = (pixel % width, pixel / width, point(pixel));
+    let across = if column + 1 < width { point(pixel + 1) - here } else { here - point(pixel.saturating_sub(1)) };
+    let down = if row + 1 < height { point(pixel + width) - here } else { here - point(pixel.saturating_sub(width)) };
+    // x right and y down make z forward: away from the camera of the map.
+    across.cross(down).dot(here - from) < 0.0
+}
+
+/// Calls `tell` for flags of visibility of what does not face away, with whether the point is inside of the image (none at its edge), and with its depth over the depth
 /// there, less 1 (none where that is unclear).
 fn flags(sample: &Sample, cameras: &[Pinhole], mut tell: impl FnMut(Flag, Option<bool>, Option<f64>)) {
     let size = sample.size().map(|side| side as usize);
@@ -199,7 +210,11 @@ fn flags(sample: &Sample, cameras: &[Pinhole], mut tell: impl FnMut(Flag, Option
             for (source, time) in (0..sample.count()).flat_map(|s| (0..sample.count()).map(move |t| (s, t))) {
                 if let (Some(positions), Some(visible)) = (sample.positions(source, time), sample.visible(source, time))
                 {
-                    chosen(sample).for_each(|pixel| look(time, positions[pixel], visible[pixel]));
+                    let from = cameras[time].w2c.inverse().translation;
+                    let away = |pixel| visible[pixel] == Flag::No && faces_away(positions, size, pixel, from);
+                    chosen(sample)
+                        .filter(|pixel| !away(*pixel))
+                        .for_each(|pixel| look(time, positions[pixel], visible[pixel]));
                 }
             }
         }
@@ -210,6 +225,21 @@ fn flags(sample: &Sample, cameras: &[Pinhole], mut tell: impl FnMut(Flag, Option
                 let index = image * tracks.count + track;
                 look(image, tracks.positions[index], tracks.visible[index]);
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sheet_shows_its_back_from_behind() {
+        let size = [3, 2];
+        let sheet: Vec<[f32; 3]> = (0..6).map(|p| [(p % 3) as f32 - 1.0, (p / 3) as f32, 2.0]).collect();
+        for pixel in 0..6 {
+            assert!(!faces_away(&sheet, size, pixel, DVec3::ZERO), "{pixel}");
+            assert!(faces_away(&sheet, size, pixel, DVec3::new(0.3, 0.1, 4.0)), "{pixel}");
         }
     }
 }
