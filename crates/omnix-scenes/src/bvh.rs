@@ -3,19 +3,20 @@
 //! Boxes are f32, rounded outwards when built; what they contain is tested in f64 by the caller. A ray's tests against boxes can
 //! therefore only err towards visiting too much: the origin's rounding widens every box by [`ORIGIN_ERROR`] of the largest
 //! coordinate, the rounding of direction, reciprocal and product stretches the interval by [`SLACK`] on either side.
-//! Split by the surface area heuristic over 12 bins of centroids; the tree does not depend on the number of threads.
+//! So neither the tree's shape nor the order of a walk changes what a caller finds, but how soon.
 
-use glam::{DVec3, Vec3, Vec3A, Vec4};
+use std::ops::Range;
 
-/// Most items of a leaf.
-const LEAF: usize = 4;
-const BINS: usize = 12;
-/// From this number of items on, the two halves are built in parallel.
-const PARALLEL: usize = 4096;
-/// From this depth on, halves have equal numbers of items, which bounds the depth of any tree of 2^27 items.
-const DEEP: usize = 24;
-/// Four-wide nodes push at most three entries a level.
-const STACK: usize = 3 * (DEEP + 27) + 4;
+use glam::{DVec3, Vec3, Vec4};
+
+use tree::{LEVELS, Tree};
+
+pub(crate) use tree::Bounds;
+
+mod tree;
+
+/// Most levels of nodes of the trees whose walks have a short stack: a long one takes longer to clear than some rays to walk.
+const SHALLOW: usize = 14;
 const ORIGIN_ERROR: f64 = 2.4e-7;
 const SLACK: f32 = 1e-6;
 
@@ -23,34 +24,9 @@ const IS_LEAF: u32 = 1 << 31;
 const COUNT_SHIFT: u32 = 27;
 const EMPTY: u32 = IS_LEAF;
 
-/// A box in f32 that contains one in f64.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Bounds {
-    low: Vec3A,
-    high: Vec3A,
-}
-
-impl Bounds {
-    const NONE: Self = Self { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
-
-    pub(crate) fn of(points: &[DVec3]) -> Self {
-        let [low, high] = crate::mesh::bounds(points);
-        let down = |v: f64| (v as f32).next_down();
-        let up = |v: f64| (v as f32).next_up();
-        Self {
-            low: Vec3A::new(down(low.x), down(low.y), down(low.z)),
-            high: Vec3A::new(up(high.x), up(high.y), up(high.z)),
-        }
-    }
-
-    fn join(self, other: Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    fn area(self) -> f32 {
-        let size = (self.high - self.low).max(Vec3A::ZERO);
-        size.x * size.y + size.y * size.z + size.z * size.x
-    }
+/// Entries that wait at most: of each level's four children one is visited at once.
+const fn waiting(levels: usize) -> usize {
+    3 * levels
 }
 
 /// Four children: their boxes by axis, and what they are.
@@ -68,6 +44,8 @@ pub(crate) struct Bvh {
     nodes: Vec<Node>,
     /// Items in the order of the leaves.
     order: Vec<u32>,
+    /// Nodes on the longest way from the root to a leaf.
+    levels: usize,
 }
 
 /// A ray as boxes see it.
@@ -94,41 +72,62 @@ impl Slabs {
     }
 }
 
-/// A part of the tree while it is built.
-enum Tree {
-    Leaf(Bounds, u32, u32),
-    Inner(Bounds, Box<[Tree; 2]>),
+/// A ray against four boxes at a time.
+struct Lanes {
+    inverse: [Vec4; 3],
+    near: [Vec4; 3],
+    far: [Vec4; 3],
+    sign: [usize; 3],
 }
 
-impl Tree {
-    fn bounds(&self) -> Bounds {
-        match self {
-            Self::Leaf(bounds, ..) | Self::Inner(bounds, _) => *bounds,
-        }
+impl Lanes {
+    #[inline(always)]
+    fn new(ray: &Slabs) -> Self {
+        let splat = |v: Vec3| [Vec4::splat(v.x), Vec4::splat(v.y), Vec4::splat(v.z)];
+        // The mask tells the compiler that these are indices of a pair.
+        let sign = ray.sign.map(|sign| sign & 1);
+        Self { inverse: splat(ray.inverse), near: splat(ray.near), far: splat(ray.far), sign }
+    }
+
+    /// Where the ray enters each child's box, and a bit for each that it enters at or before `most`.
+    #[inline(always)]
+    fn meet(&self, node: &Node, most: f32) -> ([f32; 4], u32) {
+        let [px, py, pz] = &node.planes;
+        let [x, y, z] = self.sign;
+        let enter = ((px[x] - self.near[0]) * self.inverse[0])
+            .max((py[y] - self.near[1]) * self.inverse[1])
+            .max((pz[z] - self.near[2]) * self.inverse[2])
+            .max(Vec4::ZERO)
+            * (1.0 - SLACK);
+        let leave = ((px[x ^ 1] - self.far[0]) * self.inverse[0])
+            .min((py[y ^ 1] - self.far[1]) * self.inverse[1])
+            .min((pz[z ^ 1] - self.far[2]) * self.inverse[2])
+            * (1.0 + SLACK);
+        (enter.to_array(), enter.cmple(leave.min(Vec4::splat(most))).bitmask())
     }
 }
 
-#[derive(Clone, Copy)]
-struct Item {
-    bounds: Bounds,
-    centre: Vec3A,
-    index: u32,
+/// The least f32 that is not below.
+fn above(most: f64) -> f32 {
+    (most as f32).next_up()
+}
+
+/// The places in order of a leaf's items.
+fn places(leaf: u32) -> Range<usize> {
+    let first = (leaf & ((1 << COUNT_SHIFT) - 1)) as usize;
+    first..first + (leaf >> COUNT_SHIFT & 15) as usize
 }
 
 impl Bvh {
     /// The hierarchy over boxes; its items are their indices.
     pub(crate) fn new(boxes: &[Bounds]) -> Self {
-        let items = boxes.iter().enumerate();
-        let mut items: Vec<Item> = items
-            .map(|(index, &bounds)| Item { bounds, centre: (bounds.low + bounds.high) * 0.5, index: index as u32 })
-            .collect();
-        if items.is_empty() {
+        if boxes.is_empty() {
             return Self::default();
         }
-        let tree = split(&mut items, 0, 0);
-        let mut nodes = Vec::with_capacity(items.len() / 3 + 1);
-        flatten(&tree, &mut nodes);
-        Self { nodes, order: items.iter().map(|item| item.index).collect() }
+        let (tree, order) = tree::tree(boxes);
+        let mut nodes = Vec::with_capacity(boxes.len() / 2 + 1);
+        let levels = flatten(&tree, &mut nodes);
+        Self { nodes, order, levels }
     }
 
     pub(crate) fn order(&self) -> &[u32] {
@@ -136,131 +135,124 @@ impl Bvh {
     }
 
     /// Calls `test(places in order, most)` for leaves that the ray may meet at a parameter in [0, most], near ones first.
-    /// `test` lowers `most` and returns true to end the walk.
-    pub(crate) fn visit(
-        &self,
-        ray: &Slabs,
-        most: &mut f64,
-        mut test: impl FnMut(std::ops::Range<usize>, &mut f64) -> bool,
-    ) {
+    /// `test` lowers `most`.
+    #[inline]
+    pub(crate) fn visit(&self, ray: &Slabs, most: &mut f64, test: impl FnMut(Range<usize>, &mut f64)) {
+        if self.levels <= SHALLOW {
+            self.nearest::<{ waiting(SHALLOW) }>(ray, most, test);
+        } else {
+            self.nearest::<{ waiting(LEVELS) }>(ray, most, test);
+        }
+    }
+
+    fn nearest<const STACK: usize>(&self, ray: &Slabs, most: &mut f64, mut test: impl FnMut(Range<usize>, &mut f64)) {
         if self.nodes.is_empty() {
             return;
         }
+        let ray = Lanes::new(ray);
         let mut stack = [(0_u32, 0.0_f32); STACK];
-        let mut height = 1;
-        let [x, y, z] = ray.sign;
-        let splat = |v: Vec3| [Vec4::splat(v.x), Vec4::splat(v.y), Vec4::splat(v.z)];
-        let (inverse, near, far) = (splat(ray.inverse), splat(ray.near), splat(ray.far));
-        while height > 0 {
-            height -= 1;
-            let (entry, from) = stack[height];
-            if f64::from(from) > *most {
-                continue;
+        let (mut entry, mut height, mut limit) = (0, 0, above(*most));
+        loop {
+            if entry & IS_LEAF == 0 {
+                let node = &self.nodes[entry as usize];
+                let (enter, mut hits) = ray.meet(node, limit);
+                if hits != 0 {
+                    let base = height;
+                    let child = |lane: usize| (node.children[lane], enter[lane]);
+                    let mut next = child(hits.trailing_zeros() as usize);
+                    hits &= hits - 1;
+                    while hits != 0 {
+                        let mut other = child(hits.trailing_zeros() as usize);
+                        hits &= hits - 1;
+                        if other.1 < next.1 {
+                            std::mem::swap(&mut other, &mut next);
+                        }
+                        // Sorted so that the nearest is on top.
+                        let mut place = height;
+                        while place > base && stack[place - 1].1 < other.1 {
+                            stack[place] = stack[place - 1];
+                            place -= 1;
+                        }
+                        stack[place] = other;
+                        height += 1;
+                    }
+                    entry = next.0;
+                    continue;
+                }
+            } else {
+                test(places(entry), most);
+                limit = above(*most);
             }
-            if entry & IS_LEAF != 0 {
-                let first = (entry & ((1 << COUNT_SHIFT) - 1)) as usize;
-                let count = (entry >> COUNT_SHIFT & 15) as usize;
-                if test(first..first + count, most) {
+            loop {
+                if height == 0 {
                     return;
                 }
-                continue;
-            }
-            let node = &self.nodes[entry as usize];
-            let [px, py, pz] = &node.planes;
-            let enter = ((px[x] - near[0]) * inverse[0])
-                .max((py[y] - near[1]) * inverse[1])
-                .max((pz[z] - near[2]) * inverse[2])
-                .max(Vec4::ZERO)
-                * (1.0 - SLACK);
-            let leave = ((px[1 - x] - far[0]) * inverse[0])
-                .min((py[1 - y] - far[1]) * inverse[1])
-                .min((pz[1 - z] - far[2]) * inverse[2])
-                * (1.0 + SLACK);
-            let mut hits = enter.cmple(leave).bitmask();
-            let enter = enter.to_array();
-            let base = height;
-            while hits != 0 {
-                let lane = hits.trailing_zeros() as usize;
-                hits &= hits - 1;
-                // Sorted so that the nearest is on top.
-                let mut place = height;
-                while place > base && stack[place - 1].1 < enter[lane] {
-                    stack[place] = stack[place - 1];
-                    place -= 1;
+                height -= 1;
+                let (waiting, from) = stack[height];
+                if from <= limit {
+                    entry = waiting;
+                    break;
                 }
-                stack[place] = (node.children[lane], enter[lane]);
-                height += 1;
             }
         }
     }
-}
 
-/// The tree of items, which it sorts; `first` is the place of the first one.
-fn split(items: &mut [Item], first: u32, depth: usize) -> Tree {
-    let bounds = items.iter().fold(Bounds::NONE, |all, item| all.join(item.bounds));
-    if items.len() <= LEAF {
-        return Tree::Leaf(bounds, first, items.len() as u32);
-    }
-    let middle = if depth < DEEP { best_split(items) } else { None }.unwrap_or(items.len() / 2);
-    let (left, right) = items.split_at_mut(middle);
-    let after = first + middle as u32;
-    let halves = if left.len() + right.len() >= PARALLEL {
-        let (left, right) = rayon::join(|| split(left, first, depth + 1), || split(right, after, depth + 1));
-        [left, right]
-    } else {
-        [split(left, first, depth + 1), split(right, after, depth + 1)]
-    };
-    Tree::Inner(bounds, Box::new(halves))
-}
-
-/// Sorts items into the two sides of the best plane between bins; the number of the first side.
-fn best_split(items: &mut [Item]) -> Option<usize> {
-    let none = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-    let (low, high) = items.iter().fold(none, |(low, high), item| (low.min(item.centre), high.max(item.centre)));
-    let size = high - low;
-    let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
-    if size[axis] <= 0.0 || !size[axis].is_finite() {
-        return None;
-    }
-    let scale = BINS as f32 / size[axis];
-    let bin = |item: &Item| (((item.centre[axis] - low[axis]) * scale) as usize).min(BINS - 1);
-    let mut bins = [(Bounds::NONE, 0_usize); BINS];
-    for item in &*items {
-        let entry = &mut bins[bin(item)];
-        *entry = (entry.0.join(item.bounds), entry.1 + 1);
-    }
-    let mut right = [0.0_f32; BINS];
-    let (mut all, mut count) = (Bounds::NONE, 0);
-    for k in (1..BINS).rev() {
-        (all, count) = (all.join(bins[k].0), count + bins[k].1);
-        right[k] = all.area() * count as f32;
-    }
-    let (mut all, mut count) = (Bounds::NONE, 0);
-    let mut best = None;
-    for k in 1..BINS {
-        (all, count) = (all.join(bins[k - 1].0), count + bins[k - 1].1);
-        let cost = all.area() * count as f32 + right[k];
-        if count > 0 && count < items.len() && best.is_none_or(|(least, _)| cost < least) {
-            best = Some((cost, k));
+    /// Whether `test(places in order)` holds for any leaf that the ray may meet at a parameter in [0, most]; no more are tested then.
+    #[inline]
+    pub(crate) fn any(&self, ray: &Slabs, most: f64, test: impl FnMut(Range<usize>) -> bool) -> bool {
+        if self.levels <= SHALLOW {
+            self.first::<{ waiting(SHALLOW) }>(ray, most, test)
+        } else {
+            self.first::<{ waiting(LEVELS) }>(ray, most, test)
         }
     }
-    let (_, plane) = best?;
-    let mut middle = 0;
-    for k in 0..items.len() {
-        if bin(&items[k]) < plane {
-            items.swap(k, middle);
-            middle += 1;
+
+    fn first<const STACK: usize>(&self, ray: &Slabs, most: f64, mut test: impl FnMut(Range<usize>) -> bool) -> bool {
+        if self.nodes.is_empty() {
+            return false;
+        }
+        let (ray, limit) = (Lanes::new(ray), above(most));
+        let mut stack = [0_u32; STACK];
+        let (mut entry, mut height) = (0, 0);
+        loop {
+            if entry & IS_LEAF == 0 {
+                let node = &self.nodes[entry as usize];
+                let (enter, mut hits) = ray.meet(node, limit);
+                if hits != 0 {
+                    // The nearest at once: what blocks is often near. The order of the others is worth no sorting.
+                    let mut next = hits.trailing_zeros() as usize;
+                    hits &= hits - 1;
+                    while hits != 0 {
+                        let mut other = hits.trailing_zeros() as usize;
+                        hits &= hits - 1;
+                        if enter[other] < enter[next] {
+                            std::mem::swap(&mut other, &mut next);
+                        }
+                        stack[height] = node.children[other];
+                        height += 1;
+                    }
+                    entry = node.children[next];
+                    continue;
+                }
+            } else if test(places(entry)) {
+                return true;
+            }
+            if height == 0 {
+                return false;
+            }
+            height -= 1;
+            entry = stack[height];
         }
     }
-    Some(middle)
 }
 
-/// Writes a tree as four-wide nodes; the entry of its root.
-fn flatten(tree: &Tree, nodes: &mut Vec<Node>) -> u32 {
+/// Writes a tree as four-wide nodes, each before its children; the number of levels.
+fn flatten(tree: &Tree, nodes: &mut Vec<Node>) -> usize {
     // The root is a node even when it is a leaf.
     let index = nodes.len();
     nodes.push(Node { planes: [[Vec4::INFINITY, Vec4::NEG_INFINITY]; 3], children: [EMPTY; 4] });
-    let mut children: Vec<&Tree> = vec![tree];
+    let mut children: Vec<&Tree> = Vec::with_capacity(4);
+    children.push(tree);
     while children.len() < 4 {
         let inner = |tree: &Tree| if let Tree::Inner(bounds, _) = tree { bounds.area() } else { -1.0 };
         let widest = (0..children.len()).max_by(|&a, &b| inner(children[a]).total_cmp(&inner(children[b])));
@@ -270,6 +262,7 @@ fn flatten(tree: &Tree, nodes: &mut Vec<Node>) -> u32 {
         children[place] = &halves[0];
         children.push(&halves[1]);
     }
+    let mut levels = 0;
     for (lane, child) in children.into_iter().enumerate() {
         let bounds = child.bounds();
         for axis in 0..3 {
@@ -278,8 +271,12 @@ fn flatten(tree: &Tree, nodes: &mut Vec<Node>) -> u32 {
         }
         nodes[index].children[lane] = match child {
             Tree::Leaf(_, first, count) => IS_LEAF | count << COUNT_SHIFT | first,
-            Tree::Inner(..) => flatten(child, nodes),
+            Tree::Inner(..) => {
+                let next = nodes.len() as u32;
+                levels = levels.max(flatten(child, nodes));
+                next
+            }
         };
     }
-    index as u32
+    levels + 1
 }

@@ -36,6 +36,10 @@ impl Ray {
     pub(crate) fn at(&self, t: f64) -> DVec3 {
         self.origin + self.direction * t
     }
+
+    fn slabs(&self) -> Slabs {
+        Slabs::new(self.origin, self.direction)
+    }
 }
 
 /// What a ray meets first.
@@ -81,32 +85,30 @@ impl Solid {
         Self { mesh, normals, bvh, faces }
     }
 
-    /// The nearest hit with t in (`least`, `most`), where it is nearer than the one given.
-    fn nearest(&self, instance: u32, ray: &Ray, least: f64, best: &mut Option<Hit>, most: &mut f64) {
-        self.bvh.visit(&Slabs::new(ray.origin, ray.direction), most, |places, most| {
+    /// The nearest hit with t in (`least`, `most`), where it is nearer than the one given. `slabs` are those of the ray.
+    fn nearest(&self, instance: u32, (ray, slabs): (&Ray, &Slabs), least: f64, best: &mut Option<Hit>, most: &mut f64) {
+        self.bvh.visit(slabs, most, |places, most| {
             for place in places {
                 let Some((t, u, v)) = meet(&self.faces[place], ray) else {
                     continue;
                 };
+                if t <= least || t > *most {
+                    continue;
+                }
                 let triangle = self.bvh.order()[place];
-                let first = best.is_none_or(|hit| (t, instance, triangle) < (hit.t, hit.instance, hit.triangle));
-                if t > least && t <= *most && first {
+                if best.is_none_or(|hit| (t, instance, triangle) < (hit.t, hit.instance, hit.triangle)) {
                     *most = t;
                     *best = Some(Hit { instance, triangle, u, v, t });
                 }
             }
-            false
         });
     }
 
-    fn blocks(&self, ray: &Ray, least: f64, most: f64) -> bool {
-        let (mut most, mut blocked) = (most, false);
-        self.bvh.visit(&Slabs::new(ray.origin, ray.direction), &mut most, |places, &mut most| {
+    fn blocks(&self, ray: &Ray, slabs: &Slabs, least: f64, most: f64) -> bool {
+        self.bvh.any(slabs, most, |places| {
             let mut hits = places.filter_map(|place| meet(&self.faces[place], ray));
-            blocked = hits.any(|(t, ..)| t > least && t < most);
-            blocked
-        });
-        blocked
+            hits.any(|(t, ..)| t > least && t < most)
+        })
     }
 }
 
@@ -197,32 +199,30 @@ impl Geometry {
     /// The first hit with t in (`least`, `most`].
     pub(crate) fn cast(&self, ray: &Ray, least: f64, most: f64) -> Option<Hit> {
         let (mut best, mut most) = (None, most);
-        self.still.nearest(0, ray, least, &mut best, &mut most);
-        self.top.visit(&Slabs::new(ray.origin, ray.direction), &mut most, |places, most| {
+        let slabs = ray.slabs();
+        self.still.nearest(0, (ray, &slabs), least, &mut best, &mut most);
+        self.top.visit(&slabs, &mut most, |places, most| {
             for place in places {
                 let index = self.top.order()[place];
                 let mover = &self.movers[index as usize];
-                mover.solid.nearest(index + 1, &mover.inward(ray), least, &mut best, most);
+                let ray = mover.inward(ray);
+                mover.solid.nearest(index + 1, (&ray, &ray.slabs()), least, &mut best, most);
             }
-            false
         });
         best
     }
 
     /// Whether anything lies between t = `least` and t = `most`.
     pub(crate) fn blocked(&self, ray: &Ray, least: f64, most: f64) -> bool {
-        if self.still.blocks(ray, least, most) {
-            return true;
-        }
-        let (mut most, mut blocked) = (most, false);
-        self.top.visit(&Slabs::new(ray.origin, ray.direction), &mut most, |mut places, &mut most| {
-            blocked = places.any(|place| {
-                let mover = &self.movers[self.top.order()[place] as usize];
-                mover.solid.blocks(&mover.inward(ray), least, most)
-            });
-            blocked
-        });
-        blocked
+        let slabs = ray.slabs();
+        self.still.blocks(ray, &slabs, least, most)
+            || self.top.any(&slabs, most, |mut places| {
+                places.any(|place| {
+                    let mover = &self.movers[self.top.order()[place] as usize];
+                    let ray = mover.inward(ray);
+                    mover.solid.blocks(&ray, &ray.slabs(), least, most)
+                })
+            })
     }
 
     /// The world point of a hit's surface point, at this geometry's time.

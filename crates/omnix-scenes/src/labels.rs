@@ -31,11 +31,8 @@ where
 /// The hits of all pixels, row by row.
 pub(crate) fn hits(view: &View, geometry: &Geometry) -> Vec<Option<Hit>> {
     let [width, height] = view.size;
-    let row = |row: usize| {
-        let cast = move |column| geometry.cast(&view.ray(View::pixel(column, row)), 0.0, f64::INFINITY);
-        (0..width).map(cast).collect::<Vec<_>>()
-    };
-    (0..height).into_par_iter().flat_map_iter(row).collect()
+    let cast = |index: usize| geometry.cast(&view.ray(View::pixel(index % width, index / width)), 0.0, f64::INFINITY);
+    (0..width * height).into_par_iter().map(cast).collect()
 }
 
 /// Whether a camera sees the point of a hit, at another time than the hit's or at its own: it lies in the picture, nothing is before

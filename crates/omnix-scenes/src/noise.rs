@@ -6,22 +6,22 @@
 
 use glam::Vec3;
 
-/// 32 well mixed bits of a lattice point (constants of "lowbias32").
+/// What the coordinates of a lattice point are multiplied with.
+const FACTORS: [u32; 3] = [0x8da6_b343, 0xd816_3841, 0xcb1a_b31f];
+
+/// A number in [0, 1) of 32 bits, mixed well (constants of "lowbias32").
 #[inline]
-fn hash(x: i32, y: i32, z: i32, seed: u32) -> u32 {
-    let h = seed
-        ^ (x as u32).wrapping_mul(0x8da6_b343)
-        ^ (y as u32).wrapping_mul(0xd816_3841)
-        ^ (z as u32).wrapping_mul(0xcb1a_b31f);
+fn mixed(h: u32) -> f32 {
     let h = (h ^ h >> 16).wrapping_mul(0x7feb_352d);
     let h = (h ^ h >> 15).wrapping_mul(0x846c_a68b);
-    h ^ h >> 16
+    ((h ^ h >> 16) >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
 /// A number in [0, 1) of a lattice point.
 #[inline]
 pub(crate) fn cell(x: i32, y: i32, z: i32, seed: u32) -> f32 {
-    (hash(x, y, z, seed) >> 8) as f32 * (1.0 / 16_777_216.0)
+    let [a, b, c] = FACTORS;
+    mixed(seed ^ (x as u32).wrapping_mul(a) ^ (y as u32).wrapping_mul(b) ^ (z as u32).wrapping_mul(c))
 }
 
 /// Noise in [0, 1], of features about one unit in size.
@@ -29,8 +29,14 @@ pub(crate) fn noise(p: Vec3, seed: u32) -> f32 {
     let floor = p.floor();
     let f = p - floor;
     let w = f * f * (Vec3::splat(3.0) - 2.0 * f);
-    let (x, y, z) = (floor.x as i32, floor.y as i32, floor.z as i32);
-    let at = |dx: i32, dy: i32, dz: i32| cell(x.wrapping_add(dx), y.wrapping_add(dy), z.wrapping_add(dz), seed);
+    // `cell` of the eight corners: products of neighbours differ by the factor.
+    let products = |v: f32, factor: u32| {
+        let product = (v as i32 as u32).wrapping_mul(factor);
+        [product, product.wrapping_add(factor)]
+    };
+    let [a, b, c] = FACTORS;
+    let (x, y, z) = (products(floor.x, a), products(floor.y, b), products(floor.z, c));
+    let at = |dx: usize, dy: usize, dz: usize| mixed(seed ^ x[dx] ^ y[dy] ^ z[dz]);
     let blend = |a: f32, b: f32, w: f32| a + (b - a) * w;
     let plane = |dz| blend(blend(at(0, 0, dz), at(1, 0, dz), w.x), blend(at(0, 1, dz), at(1, 1, dz), w.x), w.y);
     blend(plane(0), plane(1), w.z)
@@ -54,6 +60,16 @@ pub(crate) fn fractal(mut p: Vec3, octaves: u32, footprint: f32, seed: u32) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn noise_at_a_lattice_point_is_the_number_of_its_cell() {
+        for (x, y, z) in [(0, 0, 0), (3, -2, 7), (-1, -1, -1), (1000, -40_000, 5)] {
+            assert_eq!(noise(Vec3::new(x as f32, y as f32, z as f32), 9), cell(x, y, z, 9));
+            // From the other side of each coordinate: the second of a product's pair.
+            let below = Vec3::new((x as f32).next_down(), (y as f32).next_down(), (z as f32).next_down());
+            assert!((noise(below, 9) - cell(x, y, z, 9)).abs() < 1e-2, "{x} {y} {z}");
+        }
+    }
 
     #[test]
     fn noise_is_continuous_and_fades_where_it_is_too_fine() {

@@ -6,7 +6,7 @@
 //! over more of them): soft shadows and light from walls at three to five rays a pixel. Textures are applied after that, so they stay sharp. Where neighbours differ, four
 //! further rays smooth the edge. Random numbers are a hash of pixel and seed: same scene, same bits.
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3, Vec3A};
 use rayon::prelude::*;
 
 use crate::cast::{Geometry, Hit, Ray};
@@ -50,36 +50,45 @@ struct Surface<'a> {
 /// Light on a surface: diffuse irradiance over pi, of lamps and by the random ray, and highlights as they are seen.
 #[derive(Clone, Copy, Default)]
 struct Lit {
-    lamps: Vec3,
-    around: Vec3,
-    shine: Vec3,
+    lamps: Vec3A,
+    around: Vec3A,
+    shine: Vec3A,
+}
+
+impl Lit {
+    /// Part by part, of this and another light.
+    #[inline]
+    fn with(self, other: Self, of: impl Fn(Vec3A, Vec3A) -> Vec3A) -> Self {
+        Self {
+            lamps: of(self.lamps, other.lamps),
+            around: of(self.around, other.around),
+            shine: of(self.shine, other.shine),
+        }
+    }
+
+    #[inline]
+    fn map(self, of: impl Fn(Vec3A) -> Vec3A) -> Self {
+        Self { lamps: of(self.lamps), around: of(self.around), shine: of(self.shine) }
+    }
 }
 
 /// Light towards the camera for every pixel, given their hits, row by row.
 pub(crate) fn shade(shading: Shading, view: &View, hits: &[Option<Hit>]) -> Vec<Vec3> {
     let [width, height] = view.size;
-    let rows = |row: usize| row * width..(row + 1) * width;
-    let surfaces: Vec<Option<(Surface, Lit)>> = (0..height)
-        .into_par_iter()
-        .flat_map_iter(|row| {
-            rows(row).map(move |index| {
-                let (column, row) = (index % width, index / width);
-                let hit = hits[index].as_ref()?;
-                let surface = shading.surface(view, View::pixel(column, row), hit);
-                Some((surface, shading.lit(&surface, Places::new(shading.seed, column, row))))
-            })
-        })
-        .collect();
-    let smooth: Vec<Lit> = (0..height)
-        .into_par_iter()
-        .flat_map_iter(|row| rows(row).map(|index| smoothed(&surfaces, width, index)).collect::<Vec<_>>())
-        .collect();
+    // Indexed, so that results are written where they stay.
+    let pixels = || (0..width * height).into_par_iter();
+    let first = |index: usize| {
+        let (column, row) = (index % width, index / width);
+        let surface = shading.surface(view, View::pixel(column, row), hits[index].as_ref()?);
+        Some((surface, shading.lit(&surface, Places::new(shading.seed, column, row))))
+    };
+    let surfaces: Vec<Option<(Surface, Lit)>> = pixels().map(first).collect();
+    let smooth: Vec<Lit> = pixels().map(|index| smoothed(&surfaces, width, index)).collect();
     // Two rounds on large pictures, whose blocks of 4 x 4 pixels are small on a surface.
-    let smooth = [3, 9].into_iter().take(if width > 200 { 2 } else { 1 }).fold(smooth, |smooth, step| {
-        let row =
-            |row: usize| rows(row).map(|index| spread(&surfaces, &smooth, width, step, index)).collect::<Vec<_>>();
-        (0..height).into_par_iter().flat_map_iter(row).collect()
-    });
+    let smooth = [3, 9]
+        .into_iter()
+        .take(if width > 200 { 2 } else { 1 })
+        .fold(smooth, |smooth, step| pixels().map(|index| spread(&surfaces, &smooth, width, step, index)).collect());
     let pixel = |index: usize| {
         let (column, row) = (index % width, index / width);
         if is_edge(&surfaces, width, index) {
@@ -100,7 +109,7 @@ pub(crate) fn shade(shading: Shading, view: &View, hits: &[Option<Hit>]) -> Vec<
             None => shading.sky(view, View::pixel(column, row)),
         }
     };
-    (0..height).into_par_iter().flat_map_iter(|row| rows(row).map(pixel).collect::<Vec<_>>()).collect()
+    pixels().map(pixel).collect()
 }
 
 impl<'a> Shading<'a> {
@@ -148,9 +157,9 @@ impl<'a> Shading<'a> {
         let direction = hemisphere(surface.normal, places.next());
         // Below the face the curved normal's hemisphere sees the thing itself.
         if direction.dot(surface.face) > 0.0 {
-            lit.around = self.incoming(&Ray { origin, direction }, self.light.is_open(origin), &mut places);
+            lit.around = self.incoming(&Ray { origin, direction }, self.light.is_open(origin), &mut places).into();
         } else {
-            lit.around = self.light.fill;
+            lit.around = self.light.fill.into();
         }
         let material = surface.material;
         if material.rough < 0.4 && material.gloss > 0.0 {
@@ -161,7 +170,7 @@ impl<'a> Shading<'a> {
             let direction = mirror + (side * (u - 0.5) + other * (v - 0.5)) * spread;
             if direction.dot(surface.face) > 0.0 {
                 let fresnel = fresnel(material.gloss, surface.normal.dot(surface.towards_viewer));
-                lit.shine += self.incoming(&Ray { origin, direction }, true, &mut places) * fresnel;
+                lit.shine += Vec3A::from(self.incoming(&Ray { origin, direction }, true, &mut places) * fresnel);
             }
         }
         lit
@@ -170,18 +179,13 @@ impl<'a> Shading<'a> {
     /// The sun by a ray of its own; of the other lamps at most two.
     fn lamps(&self, surface: &Surface, origin: DVec3, places: &mut Places) -> Lit {
         let mut lit = Lit::default();
-        let mut sums: [f32; 16] = [0.0; 16];
         let mut others: [Option<&Lamp>; 16] = [None; 16];
-        let (mut sum, mut count) = (0.0, 0);
+        let mut count = 0;
         for lamp in &self.light.lamps {
             if matches!(lamp, Lamp::Sun { .. }) {
                 self.lamp(lamp, surface, origin, places.next(), 1.0, &mut lit);
-            } else if count < sums.len() {
-                // Drawn by their light from the middle, if nothing were in the way; none is left out for being behind something.
-                let middle = lamp.sample(surface.point, [0.5; 2]);
-                let facing = |s: Sample| s.colour.element_sum() * s.direction.dot(surface.normal).max(0.1) as f32;
-                sum += middle.map_or(0.0, facing) + 1e-3;
-                (sums[count], others[count]) = (sum, Some(lamp));
+            } else if count < others.len() {
+                others[count] = Some(lamp);
                 count += 1;
             }
         }
@@ -190,6 +194,15 @@ impl<'a> Shading<'a> {
                 self.lamp(lamp, surface, origin, places.next(), 1.0, &mut lit);
             }
             return lit;
+        }
+        let mut sums: [f32; 16] = [0.0; 16];
+        let mut sum = 0.0;
+        for (lamp, upto) in others.iter().flatten().zip(&mut sums) {
+            // Drawn by their light from the middle, if nothing were in the way; none is left out for being behind something.
+            let middle = lamp.sample(surface.point, [0.5; 2]);
+            let facing = |s: Sample| s.colour.element_sum() * s.direction.dot(surface.normal).max(0.1) as f32;
+            sum += middle.map_or(0.0, facing) + 1e-3;
+            *upto = sum;
         }
         for _ in 0..LAMPS {
             let [choice, _] = places.next();
@@ -214,7 +227,7 @@ impl<'a> Shading<'a> {
         if self.geometry.blocked(&Ray { origin, direction: sample.direction }, 0.0, sample.distance) {
             return;
         }
-        let light = sample.colour * (cosine as f32 * weight);
+        let light = Vec3A::from(sample.colour * (cosine as f32 * weight));
         lit.lamps += light;
         let material = surface.material;
         // Where reflected rays are cast, they show panels; small lamps they would miss.
@@ -258,7 +271,8 @@ impl<'a> Shading<'a> {
 
     /// Light from a surface to the camera.
     fn seen(&self, surface: &Surface, lit: Lit) -> Vec3 {
-        let colour = surface.colour * (lit.lamps + lit.around) + lit.shine + surface.colour * surface.material.glow;
+        let (light, shine) = (Vec3::from(lit.lamps + lit.around), Vec3::from(lit.shine));
+        let colour = surface.colour * light + shine + surface.colour * surface.material.glow;
         match self.light.fog {
             None => colour,
             Some((fog, density)) => fog + (colour - fog) * (-density * surface.depth as f32).exp(),
@@ -322,13 +336,13 @@ fn smoothed(surfaces: &[Option<(Surface, Lit)>], width: usize, index: usize) -> 
         return Lit::default();
     };
     let (column, row, height) = (index % width, index / width, surfaces.len() / width);
-    let (mut alike, mut count) = ([Lit::default(); 16], 0);
+    let (mut alike, mut count) = ([lit; 16], 0);
     for y in row.saturating_sub(2)..(row + 2).min(height) {
         for x in column.saturating_sub(2)..(column + 2).min(width) {
             if let Some((other, lit)) = &surfaces[y * width + x]
                 && is_alike(own, other)
             {
-                alike[count] = *lit;
+                alike[count] = lit;
                 count += 1;
             }
         }
@@ -337,13 +351,14 @@ fn smoothed(surfaces: &[Option<(Surface, Lit)>], width: usize, index: usize) -> 
     if count == 0 {
         return *lit;
     }
-    let mean = |of: fn(&Lit) -> Vec3| {
-        let plain = alike[..count].iter().map(of).sum::<Vec3>() / count as f32;
-        alike[..count].iter().map(|lit| of(lit).min(plain * 3.0)).sum::<Vec3>() / count as f32
-    };
+    let mean = |sum: Lit| sum.map(|sum| sum / count as f32);
+    let alike = &alike[..count];
+    let plain = mean(alike.iter().fold(Lit::default(), |sum, &&lit| sum.with(lit, |sum, v| sum + v)));
+    let most = plain.map(|plain| plain * 3.0);
+    let limited = alike.iter().map(|lit| lit.with(most, Vec3A::min));
+    let mean = mean(limited.fold(Lit::default(), |sum, lit| sum.with(lit, |sum, v| sum + v)));
     // Sharp reflections would be smeared.
-    let shine = if own.material.rough < 0.1 { lit.shine } else { mean(|lit| lit.shine) };
-    Lit { lamps: mean(|lit| lit.lamps), around: mean(|lit| lit.around), shine }
+    if own.material.rough < 0.1 { Lit { shine: lit.shine, ..mean } } else { mean }
 }
 
 /// Averages light from around once more, over pixels `step` apart: it has no sharp shadows.
