@@ -16,8 +16,10 @@ mod happy;
 mod interrupted;
 mod known_cameras;
 mod limits;
+mod made;
 mod messages;
 mod motion;
+mod networks;
 #[expect(unreachable_pub, reason = "the harness has it as well")]
 mod pytorch;
 mod scenes;

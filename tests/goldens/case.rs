@@ -7,6 +7,7 @@ use omnix::checkpoint::TensorFile;
 use omnix_tests::relative_error;
 
 /// A recorded tensor.
+#[derive(Clone)]
 pub(crate) struct Tensor {
     pub(crate) shape: Vec<usize>,
     pub(crate) data: Vec<f32>,
@@ -37,6 +38,15 @@ impl Case {
             tensors.insert(name.to_owned(), Tensor { shape: info.shape.clone(), data });
         }
         Ok(Self { tensors })
+    }
+
+    /// What was recorded of one network of a nested case: its inputs, and the names that begin with `part`, without that.
+    pub(crate) fn part(&self, part: &str) -> Self {
+        let own = |name: &str| {
+            name.strip_prefix(part).or(Some(name).filter(|name| name.starts_with("in."))).map(str::to_owned)
+        };
+        let tensors = self.tensors.iter().filter_map(|(name, tensor)| Some((own(name)?, tensor.clone())));
+        Self { tensors: tensors.collect() }
     }
 
     pub(crate) fn get(&self, name: &str) -> Option<&Tensor> {

@@ -7,7 +7,9 @@
 mod case;
 mod collect;
 mod eval;
+mod gaussians;
 mod geometry;
+mod joined;
 mod motion;
 mod network;
 mod preprocess;
@@ -98,9 +100,7 @@ fn run(folder: &Folder) -> Result<Outcome, String> {
         training::run(folder, &mut total)?;
         return Ok(Outcome::Compared(total));
     }
-    if let Some(reason) = network::run(folder, &LIMITS, &mut total)? {
-        return Ok(Outcome::OutOfScope(reason));
-    }
+    network::run(folder, &LIMITS, &mut total)?;
     geometry::run(folder, &mut total)?;
     preprocess::run(folder, &mut total)?;
     if total.tensors == 0 && folder.cases().is_empty() {

@@ -4,19 +4,22 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use omnix::graph::{Executable, Graph};
-use omnix::model::{BackboneSpec, HeadSpec, ModelError};
-use omnix::{Camera, OmnixError, ReferenceChoice, WeightType, Weights};
+use omnix::model::{BackboneSpec, HeadSpec, Network};
+use omnix::{Camera, ReferenceChoice, WeightType, Weights};
 
 use crate::case::{Case, Comparison, Tensor};
 use crate::collect::Folder;
+use crate::joined;
 use crate::motion::{self, Before};
 use crate::ready::{Report, prepare};
 
-/// What is compared elsewhere or belongs to no part that exists: the trajectory module's ([`crate::motion`]), the Gaussian head's.
+/// What is compared elsewhere or belongs to no part that exists: the trajectory module's ([`crate::motion`]), the Gaussian head's
+/// ([`crate::gaussians`]).
 const ELSEWHERE: &[&str] = &[
     "traj.",
     "tau",
     "moved",
+    // Compared by [`crate::gaussians`].
     "headout.raw_gs",
     "out.gaussians",
     "out.pixel_score",
@@ -25,26 +28,18 @@ const ELSEWHERE: &[&str] = &[
     "out.points",
 ];
 
-/// Runs all cases of `folder`; `Some(reason)` if its network is not part of this version.
-pub(crate) fn run(
-    folder: &Folder,
-    limits: &[(WeightType, f64)],
-    total: &mut Comparison,
-) -> Result<Option<String>, String> {
+/// Runs all cases of `folder`.
+pub(crate) fn run(folder: &Folder, limits: &[(WeightType, f64)], total: &mut Comparison) -> Result<(), String> {
     let cases = folder.cases();
     if cases.is_empty() {
-        return Ok(None);
+        return Ok(());
     }
     let model = match folder.file("model.safetensors") {
         Some(_) => folder.path.clone(),
         // Cases without a network of their own share their neighbour's.
         None => folder.path.with_file_name("single-video"),
     };
-    let weights = match Weights::open(&model) {
-        Ok(weights) => weights,
-        Err(OmnixError::Model(error @ ModelError::Unsupported { .. })) => return Ok(Some(error.to_string())),
-        Err(error) => return Err(error.to_string()),
-    };
+    let weights = Weights::open(&model).map_err(|e| e.to_string())?;
     for path in cases {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let case = Case::open(&path)?;
@@ -56,24 +51,41 @@ pub(crate) fn run(
                 WeightType::F16 => format!("{stem} f16"),
                 WeightType::I8 => format!("{stem} i8"),
             };
-            one(&weights, &case, &stem, *storage, &mut |name, got, want| {
+            all(&weights, &case, &stem, *storage, &mut |name, got, want| {
                 let limit = if !headline && motion::SAMPLED.contains(&name) { 2.0 * limit } else { *limit };
                 total.compare(&format!("{label} {name}"), got, want, limit, headline);
             })
             .map_err(|e| format!("{label}: {e}"))?;
         }
     }
-    Ok(None)
+    Ok(())
+}
+
+/// The network of a case, or both of a nested one; and where results depend on all images, a whole run.
+fn all(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: Report<'_>) -> Result<(), String> {
+    let network = weights.network();
+    match network.metric() {
+        None => one(weights, network, case, stem, storage, report)?,
+        Some(metric) => {
+            for (part, network) in [("anyview.", network), ("metric.", &metric)] {
+                let recorded = case.part(part);
+                one(weights, network, &recorded, stem, storage, &mut |name, got, want| {
+                    report(&format!("{part}{name}"), got, want);
+                })?;
+            }
+        }
+    }
+    if network.config().makes_sky() { joined::run(weights, case, storage, report) } else { Ok(()) }
 }
 
 /// How the file says the reference view was chosen.
-fn reference(weights: &Weights, case: &Case, stem: &str) -> ReferenceChoice {
+fn reference(network: &Network, case: &Case, stem: &str) -> ReferenceChoice {
     match (stem, case.number("ref.index")) {
         ("case-ref-first", _) => ReferenceChoice::First,
         ("case-ref-middle", _) => ReferenceChoice::Middle,
         // Two views tie by construction there.
         ("case-ref-saddle_sim_range", Some(index)) => ReferenceChoice::Forced(index as usize),
-        _ => weights.network().default_reference(),
+        _ => network.default_reference(),
     }
 }
 
@@ -83,18 +95,39 @@ fn our_name(recorded: &str) -> String {
         "backbone.block0" => "tok.block0".to_owned(),
         "out.pose_encoding" => "cam.pose_enc".to_owned(),
         "out.depth" | "out.depth_conf" | "out.ray" | "out.ray_conf" => recorded["out.".len()..].to_owned(),
-        "headout.ray" | "headout.ray_conf" => recorded["headout.".len()..].to_owned(),
+        "headout.ray" | "headout.ray_conf" | "headout.depth" | "headout.depth_conf" | "headout.sky" => {
+            recorded["headout.".len()..].to_owned()
+        }
+        "out.sky" => "sky".to_owned(),
+        // One map, two branches.
+        "head.sky.in" => "head.main.in".to_owned(),
         name => name.strip_suffix(".camera").map_or_else(|| name.to_owned(), |stem| format!("{stem}.cam")),
     }
 }
 
-fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: Report<'_>) -> Result<(), String> {
+/// The images of a case, and how many of which height and width.
+pub(crate) fn images(case: &Case) -> Result<(&Tensor, [usize; 3]), String> {
     let images = case.get("in.images").or_else(|| case.get("in.image_normalised")).ok_or("no input images")?;
     let [.., count, 3, height, width] = images.shape[..] else {
         return Err(format!("images of shape {:?}", images.shape));
     };
+    Ok((images, [count, height, width]))
+}
+
+fn one(
+    weights: &Weights,
+    network: &Network,
+    case: &Case,
+    stem: &str,
+    storage: WeightType,
+    report: Report<'_>,
+) -> Result<(), String> {
+    let (images, [count, height, width]) = images(case)?;
     let grid = (height / 14, width / 14);
-    let wanted = expected(case);
+    let wanted = expected(network, case);
+    if wanted.is_empty() {
+        return Ok(());
+    }
     let taps: Vec<String> = wanted.keys().cloned().collect();
     let text = |e: &dyn std::fmt::Display| e.to_string();
 
@@ -107,13 +140,13 @@ fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: 
     let spec = BackboneSpec {
         images: count,
         grid,
-        reference: reference(weights, case, stem),
+        reference: reference(network, case, stem),
         cameras_given: cameras.is_some(),
         times: times.clone(),
         export_layers: layers,
     };
     let mut graph = Graph::with_taps(taps.clone());
-    weights.network().backbone(&mut graph, &spec).map_err(|e| text(&e))?;
+    network.backbone(&mut graph, &spec).map_err(|e| text(&e))?;
     let backbone = prepare(weights, &graph, storage).map_err(|e| text(&e))?;
     backbone.write("images", &images.data).map_err(|e| text(&e))?;
     if let Some(cameras) = cameras {
@@ -123,32 +156,42 @@ fn one(weights: &Weights, case: &Case, stem: &str, storage: WeightType, report: 
     }
     backbone.run(&mut |_, _| ControlFlow::Continue(())).map_err(|e| text(&e))?;
 
-    let moves = weights.network().config().trajectory.is_some();
+    let (moves, dual) = (network.config().trajectory.is_some(), network.config().makes_cameras());
+    let gaussians = case.get("headout.raw_gs").is_some();
     let mut graph = Graph::with_taps(taps);
-    weights
-        .network()
-        .head(&mut graph, &HeadSpec { frames: count, grid, rays: true, points: moves })
-        .map_err(|e| text(&e))?;
+    let spec = HeadSpec { frames: count, grid, rays: dual, points: moves, gaussians };
+    network.head(&mut graph, &spec).map_err(|e| text(&e))?;
     let head = prepare(weights, &graph, storage).map_err(|e| text(&e))?;
     for k in 0..4 {
         let name = format!("feat.{k}");
         let feature = backbone.read(&name).map_err(|e| text(&e))?;
         head.write(&name, &feature).map_err(|e| text(&e))?;
     }
+    if gaussians {
+        head.write("pictures", &images.data).map_err(|e| text(&e))?;
+    }
     head.run(&mut |_, _| ControlFlow::Continue(())).map_err(|e| text(&e))?;
+    if gaussians {
+        crate::gaussians::compare(case, &head, [height, width], report)?;
+    }
     compare(&wanted, &backbone, &head, count, report)?;
-    decoded_cameras(case, &backbone, height, width, report)?;
+    if dual {
+        decoded_cameras(case, &backbone, height, width, report)?;
+    }
     motion::run(weights, case, storage, &Before { backbone: &backbone, head: &head, times, grid }, report)
 }
 
 /// Recorded tensors of parts that exist, by our name.
-fn expected(case: &Case) -> BTreeMap<String, &Tensor> {
+fn expected<'a>(network: &Network, case: &'a Case) -> BTreeMap<String, &'a Tensor> {
+    // What becomes of the maps for all images together is a whole run's.
+    let joined = |name: &str| network.config().makes_sky() && name == "out.depth";
     let elsewhere = |name: &str| ELSEWHERE.iter().any(|l| name.starts_with(l));
     let derived = |name: &str| matches!(name, "out.extrinsics" | "out.intrinsics" | "out.camera_to_world");
     // The head names of an OmniX case belong to its sampling head, which stands on other features.
     let sampling = |name: &str| name.starts_with("head.") && case.get("in.image_u8").is_some();
     let wanted =
         case.tensors.iter().filter(|(n, _)| !n.starts_with("in.") && !elsewhere(n) && !derived(n) && !sampling(n));
+    let wanted = wanted.filter(|(n, _)| !joined(n));
     wanted.map(|(name, tensor)| (our_name(name), tensor)).collect()
 }
 

@@ -80,6 +80,8 @@ impl Made {
             extrinsics: Some([[1.0, 0.0, 0.0, -0.25 * index as f32], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]),
             intrinsics: Some([[w, 0.0, w / 2.0], [0.0, w, h / 2.0], [0.0, 0.0, 1.0]]),
             sky: Some(&self.sky),
+            gaussians: None,
+            features: &[],
             source: None,
         }
     }

@@ -227,7 +227,7 @@ fn points_follow_the_camera_where_the_configuration_says_so() {
     settings["points_from"] = "camera".into();
     let config = NetworkConfig::from_json(&settings).unwrap();
     let mut graph = Graph::new();
-    let spec = HeadSpec { frames: 1, grid: GRID, rays: false, points: true };
+    let spec = HeadSpec { frames: 1, grid: GRID, rays: false, points: true, gaussians: false };
     Network::new(config.clone()).head(&mut graph, &spec).unwrap();
     let (height, width) = (GRID.0 * 14, GRID.1 * 14);
     let (sin, cos) = (0.6f32, 0.8f32);

@@ -1,7 +1,7 @@
 //! Configurations of both formats, good and bad.
 
-use omnix_model::config::{Family, FeedForward, LeftOut, PointsFrom, TimeConfig};
-use omnix_model::{ModelError, Network, NetworkConfig, ReferenceChoice};
+use omnix_model::config::{DepthUnit, Family, FeedForward, GaussianConfig, HeadKind, PointsFrom, TimeConfig};
+use omnix_model::{Network, NetworkConfig, ReferenceChoice};
 use serde_json::{Value, json};
 
 use crate::fixture;
@@ -11,15 +11,15 @@ fn reduced_networks_are_read_from_the_tree() {
     let a = fixture::config("tiny-a");
     assert_eq!((a.name.as_str(), a.family), ("tiny-a", Family::DepthAnything3));
     let b = &a.backbone;
-    assert_eq!((b.width, b.blocks, b.heads, b.position_grid, b.alternate_from), (64, 10, 2, 37, 2));
+    assert_eq!((b.width, b.blocks, b.heads, b.position_grid, b.alternate_from), (64, 10, 2, 37, Some(2)));
     assert_eq!((b.ffn, b.out_layers, b.time), (FeedForward::Mlp { hidden: 256 }, [3, 5, 7, 9], None));
     assert_eq!((b.qk_norm_from, b.rope_from), (Some(2), Some(2)));
     assert_eq!((a.head.features, a.head.channels, a.head.logit_clamp), (32, [16, 24, 32, 48], None));
-    assert!(a.camera_encoder.is_some() && a.left_out.is_empty());
+    assert!(a.camera_encoder.is_some() && a.gaussians.is_none());
 
     let b = fixture::config("tiny-b");
-    assert_eq!((b.backbone.ffn, b.backbone.alternate_from), (FeedForward::SwiGlu { hidden: 344 }, 3));
-    assert_eq!(b.left_out, [LeftOut::GaussianHead]);
+    assert_eq!((b.backbone.ffn, b.backbone.alternate_from), (FeedForward::SwiGlu { hidden: 344 }, Some(3)));
+    assert_eq!(b.gaussians, Some(GaussianConfig { features: 32, channels: [24, 40, 48, 64] }));
     let global: Vec<usize> = (0..8).filter(|i| b.backbone.is_global(*i)).collect();
     assert_eq!(global, [3, 5, 7], "an odd start is itself global");
 }
@@ -32,7 +32,7 @@ fn omnix_is_read() {
     assert_eq!(mixed.backbone.ffn, FeedForward::SwiGlu { hidden: 128 });
     assert_eq!((mixed.head.logit_clamp, mixed.points), (Some(10.0), PointsFrom::Rays));
     assert!(mixed.camera_encoder.is_none());
-    assert!(mixed.left_out.is_empty());
+    assert!(mixed.gaussians.is_none());
     assert_eq!(Network::new(mixed).default_reference(), ReferenceChoice::First);
 
     let nano = NetworkConfig::from_json(&fixture::nano()).unwrap();
@@ -76,18 +76,27 @@ fn a_published_encoder_in_a_tree_has_its_widths() {
 }
 
 #[test]
-fn other_networks_are_refused_by_name() {
-    let kinds = [
-        (fixture::json("tiny-mono"), "tiny-mono (a monocular or metric network)"),
-        (fixture::json("tiny-nested"), "tiny-nested (a nested network)"),
-        (json!({ "model_name": "da3metric-large" }), "da3metric-large (a metric network)"),
-        (json!({ "model_name": "DA3NESTED-GIANT-LARGE-1.1" }), "da3nested-giant-large (a nested network)"),
-    ];
-    for (json, name) in kinds {
-        let error = NetworkConfig::from_json(&json).unwrap_err();
-        assert!(matches!(&error, ModelError::Unsupported { what } if what == name), "{error}");
-        assert!(error.to_string().contains("da3-small, da3-base, da3-large, da3-giant and OmniX"), "{error}");
+fn networks_of_single_views_and_nested_ones_are_read() {
+    let mono = fixture::config("tiny-mono");
+    assert_eq!((mono.head.kind, mono.backbone.alternate_from, mono.unit), (HeadKind::Sky, None, DepthUnit::Own));
+    assert_eq!((mono.backbone.feature_width(), mono.makes_cameras(), mono.makes_sky()), (64, false, true));
+    assert!(mono.camera_encoder.is_none() && (0..8).all(|i| !mono.backbone.is_global(i)));
+
+    let nested = fixture::config("tiny-nested");
+    let metric = nested.metric.as_ref().unwrap();
+    assert_eq!((nested.name.as_str(), nested.unit, nested.backbone.blocks), ("tiny-nested", DepthUnit::Metres, 6));
+    assert!(nested.makes_cameras() && nested.makes_sky() && nested.camera_encoder.is_some());
+    assert_eq!((metric.at.path(), metric.unit, metric.backbone.blocks), ("da3_metric", DepthUnit::Canonical, 4));
+    assert!(!metric.makes_cameras());
+
+    for (name, expected) in
+        [("da3metric-large", NetworkConfig::metric()), ("DA3NESTED-GIANT-LARGE-1.1", NetworkConfig::nested())]
+    {
+        assert_eq!(NetworkConfig::from_json(&json!({ "model_name": name })).unwrap(), expected, "{name}");
+        expected.check().unwrap();
     }
+    let mono = NetworkConfig::from_json(&json!({ "model_name": "DA3MONO-LARGE" })).unwrap();
+    assert_eq!((mono.unit, mono.backbone), (DepthUnit::Own, NetworkConfig::metric().backbone));
 }
 
 /// The message when the field at `pointer` becomes `value` (or goes, for `None`).
@@ -134,6 +143,24 @@ fn bad_fields_are_named_with_value_and_cure() {
             "`head.out_channels` is [16, 24, 30, 48]",
         ),
         ("tiny-a", "/config/cam_dec", None, "has no `config.cam_dec`"),
+        (
+            "tiny-a",
+            "/config/net/cat_token",
+            Some(json!(false)),
+            "`config.net.cat_token` is false: it must be true where",
+        ),
+        ("tiny-b", "/config/gs_head/output_dim", Some(json!(83)), "`config.gs_head.output_dim` is 83: it must be 38"),
+        ("tiny-b", "/config/gs_head/features", Some(json!(20)), "`gs_head.features` is 20: a multiple of 8"),
+        ("tiny-mono", "/config/net/cat_token", Some(json!(true)), "it must be true where blocks alternate"),
+        ("tiny-mono", "/config/head/__object__/name", Some(json!("DualDPT")), "others with DPT"),
+        ("tiny-mono", "/config/head/dim_in", Some(json!(128)), "it must be 64, the encoder's width"),
+        ("tiny-nested", "/config/metric", None, "has no `config.metric`: an object is needed"),
+        (
+            "tiny-nested",
+            "/config/metric",
+            Some(fixture::json("tiny-nested")["config"]["anyview"].clone()),
+            "`config.metric`",
+        ),
         ("tiny-a", "/model_name", Some(json!(3)), "`model_name` is 3: a text is needed"),
         ("mixed", "/format", Some(json!("omnix-2")), "`format` is \"omnix-2\": it can be omnix-1"),
         ("mixed", "/variant", Some(json!("paper")), "`variant` is \"paper\": it can be release"),

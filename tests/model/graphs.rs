@@ -49,14 +49,16 @@ fn outputs_have_their_shapes() {
             let (g, outputs) = backbone(&network, &spec(images, grid));
             assert_eq!(dims(&g, outputs.images), [images, 3, hw[0], hw[1]]);
             assert!(outputs.features.iter().all(|f| dims(&g, *f) == [images, p, 2 * c]), "{name} {grid:?}");
-            assert_eq!(dims(&g, outputs.pose_codes), [images, 9]);
+            assert_eq!(dims(&g, outputs.pose_codes.unwrap()), [images, 9]);
             assert_eq!(declared(&g), ["feat.0", "feat.1", "feat.2", "feat.3", "cam.pose_enc"]);
 
             let mut g = Graph::new();
-            let head = network.head(&mut g, &HeadSpec { frames: images, grid, rays: true, points: false }).unwrap();
+            let head = network
+                .head(&mut g, &HeadSpec { frames: images, grid, rays: true, points: false, gaussians: false })
+                .unwrap();
             assert!(head.features.iter().all(|f| dims(&g, *f) == [images, p, 2 * c]));
             assert_eq!(dims(&g, head.depth), [images, hw[0], hw[1]]);
-            assert_eq!(dims(&g, head.confidence), [images, hw[0], hw[1]]);
+            assert_eq!(dims(&g, head.confidence.unwrap()), [images, hw[0], hw[1]]);
             let (ray, confidence) = head.rays.unwrap();
             assert_eq!(dims(&g, ray), [images, 8 * grid.0, 8 * grid.1, 6]);
             assert_eq!(dims(&g, confidence), [images, 8 * grid.0, 8 * grid.1]);
@@ -85,9 +87,9 @@ fn parameters_are_those_of_the_manifest() {
             let network = Network::new(config.clone());
             let mut g = Graph::new();
             network.backbone(&mut g, &BackboneSpec { cameras_given: given_cameras, ..spec(3, (2, 3)) }).unwrap();
-            network.head(&mut g, &HeadSpec { frames: 1, grid: (2, 3), rays, points: false }).unwrap();
+            network.head(&mut g, &HeadSpec { frames: 1, grid: (2, 3), rays, points: false, gaussians: false }).unwrap();
             let mut recorded = parameters(&g);
-            let manifest = manifest(&config, &Parts { rays, given_cameras, motion: false });
+            let manifest = manifest(&config, &Parts { rays, given_cameras, ..Parts::default() });
             for expected in manifest.expected() {
                 match recorded.remove(&expected.name) {
                     Some(shape) => assert_eq!(shape, expected.shape, "{}", expected.name),
@@ -106,7 +108,7 @@ fn without_rays_nothing_of_their_branch_is_recorded() {
     let network = Network::new(NetworkConfig::small());
     let record = |rays| {
         let mut g = Graph::new();
-        network.head(&mut g, &HeadSpec { frames: 1, grid: (20, 36), rays, points: false }).unwrap();
+        network.head(&mut g, &HeadSpec { frames: 1, grid: (20, 36), rays, points: false, gaussians: false }).unwrap();
         g
     };
     let (plain, with_rays) = (record(false), record(true));
@@ -154,7 +156,7 @@ fn fusion_leaves_no_pointwise_work_in_blocks() {
 fn fusion_leaves_little_pointwise_work_in_the_head() {
     let network = Network::new(NetworkConfig::small());
     let mut g = Graph::new();
-    network.head(&mut g, &HeadSpec { frames: 2, grid: (5, 7), rays: true, points: false }).unwrap();
+    network.head(&mut g, &HeadSpec { frames: 2, grid: (5, 7), rays: true, points: false, gaussians: false }).unwrap();
     let fused = fuse(&g);
     assert_eq!(count(&fused, |op| matches!(op, Op::Map(Map { op: Unary::Relu, .. }))), 0);
     // Three exponentials' worth: depth, and two confidences with their + 1.
@@ -268,7 +270,8 @@ fn requests_that_cannot_be_met() {
     assert!(message(&omnix, &selected).contains("takes the first image"));
     let times = BackboneSpec { times: vec![(0, 0)], ..base() };
     assert!(message(&omnix, &times).contains("a frame number for each of 3 images"));
-    let head = da3.head(&mut Graph::new(), &HeadSpec { frames: 0, grid: (2, 3), rays: false, points: false });
+    let head = da3
+        .head(&mut Graph::new(), &HeadSpec { frames: 0, grid: (2, 3), rays: false, points: false, gaussians: false });
     assert!(matches!(head, Err(ModelError::Request { .. })));
     let mut config = fixture::config("tiny-a");
     config.head.features = 0;

@@ -19,18 +19,25 @@ fn published_networks_have_their_number_of_parameters() {
         (NetworkConfig::small(), [22_059_008, 3_873_854, 7_178_496, 1_188_105], 34_299_463, 437),
         (NetworkConfig::base(), [86_583_296, 15_387_582, 28_660_224, 4_735_497], 135_366_599, 437),
         (NetworkConfig::large(), [304_373_760, 47_229_246, 50_927_616, 8_411_145], 410_941_767, 637),
-        // Without the Gaussian head: 35,628,486 parameters.
-        (NetworkConfig::giant(), [1_136_489_216, 50_114_878, 114_533_376, 18_908_169], 1_355_674_125 - 35_628_486, 0),
+        (NetworkConfig::giant(), [1_136_489_216, 50_114_878, 114_533_376, 18_908_169], 1_355_674_125, 971),
     ];
     for (config, parts, total, tensors) in rows {
-        let manifest = manifest(&config, &Parts { rays: true, given_cameras: true, motion: true });
+        let manifest = manifest(&config, &Parts { rays: true, given_cameras: true, motion: true, gaussians: true });
         for (start, expected) in ["backbone.", "head.", "cam_enc.", "cam_dec."].into_iter().zip(parts) {
             assert_eq!(count(&manifest, start).1, expected, "{} {start}", config.name);
         }
         let (found, numbers) = count(&manifest, "");
         assert_eq!(numbers, total, "{}", config.name);
-        assert!(tensors == 0 || found == tensors, "{}: {found} tensors", config.name);
+        assert_eq!(found, tensors, "{}", config.name);
+        assert_eq!(count(&manifest, "gs_head.").1, if config.gaussians.is_some() { 35_628_486 } else { 0 });
     }
+    let all = Parts { rays: true, given_cameras: true, motion: true, gaussians: true };
+    let metric = manifest(&NetworkConfig::metric(), &all);
+    assert_eq!(count(&metric, "backbone."), (342, 304_367_616));
+    assert_eq!((count(&metric, "head.").1, count(&metric, "")), (29_803_778, (406, 334_171_394)));
+    let nested = manifest(&NetworkConfig::nested(), &all);
+    assert_eq!(count(&nested, "da3_metric."), (406, 334_171_394));
+    assert_eq!(count(&nested, ""), (1377, 1_689_845_519));
 }
 
 #[test]
@@ -57,13 +64,11 @@ fn lists_of_real_files_agree() {
         let list = fixture::json(&format!("{name}.tensors"));
         let mut found: BTreeMap<String, Vec<usize>> = serde_json::from_value(list).unwrap();
         let config = fixture::config(name);
-        let manifest = manifest(&config, &Parts { rays: true, given_cameras: true, motion: true });
+        let manifest = manifest(&config, &Parts { rays: true, given_cameras: true, motion: true, gaussians: true });
         for expected in manifest.expected() {
             assert_eq!(found.remove(&expected.name).as_ref(), Some(&expected.shape), "{name} {}", expected.name);
         }
-        let left_out = config.left_out.iter().flat_map(|part| part.prefixes());
-        let mut known: Vec<String> = left_out.map(|p| (*p).to_owned()).collect();
-        known.extend((1..4).map(|level| format!("head.scratch.output_conv2_aux.{level}.2.")));
+        let known: Vec<String> = (1..4).map(|level| format!("head.scratch.output_conv2_aux.{level}.2.")).collect();
         found.retain(|name, _| !known.iter().any(|start| name.starts_with(start.as_str())));
         assert!(found.is_empty(), "{name}: {found:?}");
     }
@@ -72,19 +77,24 @@ fn lists_of_real_files_agree() {
 #[test]
 fn real_checkpoints_pass() {
     let mut folders = vec![fixture::root().join("assets/weights/nano")];
-    for folder in ["golden/da3/tiny-a", "golden/da3/tiny-b", "golden/omnix/mixed", "golden/omnix/single-video"] {
+    for folder in [
+        "golden/da3/tiny-a",
+        "golden/da3/tiny-b",
+        "golden/da3/tiny-mono",
+        "golden/da3/tiny-nested",
+        "golden/omnix/mixed",
+        "golden/omnix/single-video",
+    ] {
         folders.extend(fixture::shared(folder));
     }
     for folder in folders {
         let checkpoint = Checkpoint::open(&folder).unwrap();
         let config = NetworkConfig::from_json(checkpoint.config_json()).unwrap();
         let given_cameras = config.camera_encoder.is_some();
-        let report = check(&checkpoint, &manifest(&config, &Parts { rays: true, given_cameras, motion: true }));
+        let report =
+            check(&checkpoint, &manifest(&config, &Parts { rays: true, given_cameras, motion: true, gaussians: true }));
         assert!(report.is_usable(), "{report}");
         assert!(report.surplus.is_empty(), "{report}");
-        for prefix in config.left_out.iter().flat_map(|part| part.prefixes()) {
-            assert!(report.ignored.iter().any(|name| name.starts_with(prefix)), "{prefix} of {}", folder.display());
-        }
     }
 }
 

@@ -26,7 +26,9 @@ fn backbone_with(config: NetworkConfig, images: usize, options: &PlanOptions) ->
 
 fn head(config: NetworkConfig, rays: bool) -> Plan {
     let mut g = Graph::new();
-    Network::new(config).head(&mut g, &HeadSpec { frames: 1, grid: GRID, rays, points: false }).unwrap();
+    Network::new(config)
+        .head(&mut g, &HeadSpec { frames: 1, grid: GRID, rays, points: false, gaussians: false })
+        .unwrap();
     Plan::new(&g, &Caps::lavapipe(), &PlanOptions::default()).unwrap()
 }
 

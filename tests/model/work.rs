@@ -30,7 +30,7 @@ fn geometry(network: &Network, images: usize, grid: (usize, usize), caps: &Caps)
         times: times(images),
         export_layers: Vec::new(),
     };
-    let head = |rays| HeadSpec { frames: 1, grid, rays, points: false };
+    let head = |rays| HeadSpec { frames: 1, grid, rays, points: false, gaussians: false };
     let record_head = |rays| planned(caps, |g| network.head(g, &head(rays)).map(|_| ()));
     [
         (format!("backbone, {images} images"), planned(caps, |g| network.backbone(g, &spec).map(|_| ()))),

@@ -5,8 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use omnix_io::output::motion::SourceMotion;
-use omnix_io::output::{MotionInput, MotionOptions, MotionStream, write_motion};
+use omnix_io::output::{FeatureMap, MotionInput, MotionOptions, MotionStream, write_motion};
 use omnix_io::{Export, FrameResult, RunSize, RunSummary, SinkOptions, open_sinks};
+
+use omnix_geometry::GAUSSIAN_NUMBERS;
 
 use crate::made::{self, HEIGHT, PIXELS, WIDTH, position};
 
@@ -38,6 +40,8 @@ fn write(export: Export, dir: &Path, size: &RunSize) -> Vec<PathBuf> {
                 extrinsics: Some(view.extrinsics),
                 intrinsics: Some(view.intrinsics),
                 sky: None,
+                gaussians: Some(&[0.5; GAUSSIAN_NUMBERS * PIXELS]),
+                features: &[FeatureMap { block: 3, grid: [1, 1], values: &[0.5; 8] }],
                 source: None,
             };
             sink.frame(&frame).unwrap();

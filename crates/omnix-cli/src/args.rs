@@ -64,7 +64,8 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "WHICH", value_parser = reference, help_heading = "Network", allow_negative_numbers = true)]
     pub(crate) reference: Option<ReferenceChoice>,
     /// Where cameras come from: decoder, rays (the ray maps; about twice the work of the heads), or known ones from a file or folder: a COLMAP
-    /// model, transforms.json, a TUM trajectory with intrinsics.txt beside it. Known ones are for networks with a camera encoder.
+    /// model, transforms.json, a TUM trajectory with intrinsics.txt beside it. Known ones are for networks with a camera encoder, and for metric
+    /// networks, whose depth their focal lengths turn into metres.
     #[arg(long, value_name = "SOURCE|PATH", default_value = "decoder", value_parser = cameras, help_heading = "Network")]
     pub(crate) cameras: Cameras,
 
@@ -90,6 +91,9 @@ pub(crate) struct RunArgs {
     /// Leave points below this percentile of confidence out of ply and glb. [default: 0 in ply, 40 in glb]
     #[arg(long, value_name = "P", help_heading = "Output", value_parser = percentile, allow_negative_numbers = true)]
     pub(crate) conf_percentile: Option<f32>,
+    /// Blocks of the encoder, from 0, whose features the export `features` holds, such as 5,11. [default: the four that the heads see]
+    #[arg(long, value_name = "LIST", help_heading = "Output", value_delimiter = ',')]
+    pub(crate) feature_blocks: Vec<usize>,
     /// Follow every pixel in tracks: T x H x W points an image.
     #[arg(long, help_heading = "Output")]
     pub(crate) all_tracks: bool,
@@ -108,7 +112,8 @@ pub(crate) struct RunArgs {
     ///
     /// Its `event` is one of: note {message}; plan {images, image_size, peak_bytes, process_bytes, weight_bytes, flops, stages,
     /// field, outputs, ...}; device {name, backend, driver, kind, tier}; progress {phase:
-    /// read|weights|backbone|head|motion|sampling|exports, done, total, seconds}; frame {index, video, frame, time_s,
+    /// read|weights|metric|backbone|head|motion|sampling|exports, done, total, seconds}; cameras {scale, turned_degrees, moved} and
+    /// metric_scale {metres} where there are such; frame {index, video, frame, time_s,
     /// depth_min, depth_max, seconds}; motion {index, moving, pixels}; done {dir, files, manifest,
     /// images, timings_s, note}; error {kind, exit_code, message, causes, help}. The last line is done or error. Sizes are
     /// [width, height] in pixels. A path that is no Unicode has U+FFFD in place of what is not.
@@ -125,13 +130,13 @@ impl RunArgs {
         self.points.unwrap_or(FOLLOWED)
     }
 
-    /// What to write, of a network that has trajectories or not.
-    pub(crate) fn exports(&self, trajectories: bool) -> Vec<Export> {
+    /// What to write, of a network that has trajectories or not, and of a run that has cameras or not.
+    pub(crate) fn exports(&self, trajectories: bool, cameras: bool) -> Vec<Export> {
         match &self.export {
             Some(asked) => asked.0.clone(),
             None => {
                 let usual = Export::ALL.iter().copied().filter(|e| e.by_default());
-                usual.filter(|e| trajectories || !e.needs_motion()).collect()
+                usual.filter(|e| (trajectories || !e.needs_motion()) && (cameras || !e.needs_cameras())).collect()
             }
         }
     }
@@ -228,11 +233,14 @@ fn export_help() -> String {
         Export::ALL.iter().filter(|e| which(e)).map(|e| e.name()).collect::<Vec<_>>().join(", ")
     };
     format!(
-        "What to write, separated by commas: {}; of networks with trajectories also {}. manifest.json is always written. \
-         [default: {}, and {} where there are trajectories]",
-        names(&|e| !e.needs_motion()),
+        "What to write, separated by commas: {}; where there are cameras (not of monocular and metric networks) also {}; of networks with \
+         trajectories also {}. manifest.json is always written. gs_ply is for networks with a Gaussian head. [default: {}, {} where there are cameras, and {} where there are \
+         trajectories]",
+        names(&|e| !e.needs_motion() && !e.needs_cameras()),
+        names(&|e| !e.needs_motion() && e.needs_cameras()),
         names(&|e| e.needs_motion()),
-        names(&|e| e.by_default() && !e.needs_motion()),
+        names(&|e| e.by_default() && !e.needs_motion() && !e.needs_cameras()),
+        names(&|e| e.by_default() && !e.needs_motion() && e.needs_cameras()),
         names(&|e| e.by_default() && e.needs_motion()),
     )
 }

@@ -84,7 +84,8 @@ impl Job {
 
     /// Plans within the budget; says what would fit if this does not.
     pub(crate) fn plan(&mut self, args: &RunArgs, caps: &Caps, cpu: bool) -> Result<RunPlan, CliError> {
-        self.request.budget = budget(args, cpu, self.picture_bytes())?;
+        let waiting = RunPlan::host_bytes_of(&self.weights, &self.request);
+        self.request.budget = budget(args, cpu, self.picture_bytes() + waiting)?;
         match RunPlan::new(&self.weights, &self.request, caps) {
             Ok(plan) => Ok(plan),
             Err(source @ (OmnixError::Budget { .. } | OmnixError::Graph(GraphError::TensorTooLarge { .. }))) => {
@@ -149,7 +150,7 @@ impl Job {
     }
 }
 
-/// The exports of a run; where one of them moves, motion is asked for.
+/// The exports of a run, under a request with its cameras; where one of them moves, motion is asked for.
 pub(crate) fn chosen_exports(
     args: &RunArgs,
     weights: &Weights,
@@ -157,9 +158,37 @@ pub(crate) fn chosen_exports(
 ) -> Result<Vec<Export>, CliError> {
     let network = weights.network().config();
     let trajectories = network.trajectory.is_some();
-    let exports = args.exports(trajectories);
+    let cameras = network.makes_cameras() || request.cameras.is_some();
+    let exports = args.exports(trajectories, cameras);
     if exports.iter().any(|e| e.needs_motion()) && !trajectories {
         return Err(OmnixError::NoMotion { network: network.name.clone() }.into());
+    }
+    if let Some(export) = exports.iter().find(|e| e.needs_cameras()).filter(|_| !cameras) {
+        let (name, without) = (&network.name, Export::ALL.iter().filter(|e| !e.needs_cameras() && !e.needs_motion()));
+        let without: Vec<&str> = without.map(|e| e.name()).collect();
+        return Err(CliError::Usage(format!(
+            "--export {export} needs cameras, and {name} makes none: export {}, give known cameras to a metric network (--cameras PATH), or take an any-view network",
+            without.join(", "),
+        )));
+    }
+    if let Some(export) = exports.iter().find(|e| e.needs_gaussians()).filter(|_| network.gaussians.is_none()) {
+        return Err(CliError::Usage(format!(
+            "--export {export} needs a network with a Gaussian head, and {} has none: take da3-giant or da3nested-giant-large",
+            network.name,
+        )));
+    }
+    request.gaussians = exports.iter().any(|e| e.needs_gaussians());
+    let features = exports.iter().any(|e| e.needs_features());
+    if !features && !args.feature_blocks.is_empty() {
+        return Err(CliError::Usage("--feature-blocks is for the export `features`: add it to --export".to_owned()));
+    }
+    if features {
+        let named = if args.feature_blocks.is_empty() {
+            network.backbone.out_layers.to_vec()
+        } else {
+            args.feature_blocks.clone()
+        };
+        *request = request.clone().features(named);
     }
     if args.all_tracks && !exports.contains(&Export::Tracks) {
         return Err(CliError::Usage("--all-tracks is for the export `tracks`: add it to --export".to_owned()));
@@ -258,13 +287,16 @@ pub(crate) fn describe(plan: &RunPlan) -> String {
             _ => ", rows whole".to_owned(),
         };
         lines.push(format!(
-            "  {:<10} {:>9}, of them weights {:>9}; {:>9.1} GFLOP; {} image(s) at a time{parts}",
+            "  {:<15} {:>9}, of them weights {:>9}; {:>9.1} GFLOP; {} image(s) at a time{parts}",
             stage.name,
             bytes::show(stage.bytes),
             bytes::show(stage.weight_bytes),
             stage.flops as f64 / 1e9,
             stage.images,
         ));
+    }
+    if s.host_bytes > 0 {
+        lines.push(format!("waiting {} on the host, until all images are done", bytes::show(s.host_bytes)));
     }
     if let Some(field) = &s.field {
         let place = if field.on_device { "on the device" } else { "in a file beside the results, an image at a time" };
@@ -300,6 +332,9 @@ pub(crate) fn plan_event(
 pub(crate) fn size(request: &Request, videos: usize, args: &RunArgs, plan: Option<&RunPlan>) -> RunSize {
     let precision = FieldPrecision::from(args.field_type);
     let field = plan.and_then(|p| p.motion.as_ref()).map_or(0, |m| precision.bytes(&m.shape));
+    let channels = plan.map_or(0, |plan| plan.feature_channels());
+    let patches = (request.images * request.grid().0 * request.grid().1) as u64;
+    let feature_bytes = 4 * patches * channels * request.features.len() as u64;
     RunSize::default()
         .images(request.images as u64)
         .videos(videos as u64)
@@ -308,6 +343,7 @@ pub(crate) fn size(request: &Request, videos: usize, args: &RunArgs, plan: Optio
         .points(args.points)
         .followed(args.followed())
         .all_pixels(args.all_tracks)
+        .feature_bytes(feature_bytes)
         .field_bytes(field)
 }
 

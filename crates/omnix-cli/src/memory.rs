@@ -26,7 +26,8 @@ pub(crate) fn process(plan: &RunPlan, exports: &[Export], size: &RunSize, tier: 
     }
     let largest = exports.iter().map(|export| export.memory_bytes(size)).max().unwrap_or(0);
     let motion = if size.motion { MOTION } else { 0 };
-    Some(PROGRAM + motion + plan.peak_bytes().max(reading) + 3 * size.images * size.pixels + largest)
+    let held = plan.peak_bytes().max(reading) + plan.host_bytes();
+    Some(PROGRAM + motion + held + 3 * size.images * size.pixels + largest)
 }
 
 /// What decoding one picture may take: on a device that shares the machine's memory what was asked for, else 80 % of what is

@@ -42,6 +42,15 @@ pub enum GeometryError {
         reason: &'static str,
     },
 
+    /// Too little of the pictures is not sky for a metric scale.
+    #[error(
+        "only {open} pixels of all images are not sky: they give no metric scale; leave out images of sky alone, or use an any-view network"
+    )]
+    NoScale {
+        /// Pixels that are not sky.
+        open: usize,
+    },
+
     /// A NaN or infinity, or a matrix without inverse, where a camera is needed.
     #[error("camera {view} is not valid: {reason}")]
     InvalidCamera {

@@ -109,7 +109,7 @@ pub(crate) fn expect_length(what: &'static str, expected: usize, found: usize) -
     if expected == found { Ok(()) } else { Err(GeometryError::LengthMismatch { what, expected, found }) }
 }
 
-fn invert_intrinsics(intrinsics: &Matrix3) -> Result<DMat3, GeometryError> {
+pub(crate) fn invert_intrinsics(intrinsics: &Matrix3) -> Result<DMat3, GeometryError> {
     let matrix = matrix3(intrinsics);
     let determinant = matrix.determinant();
     if determinant.is_finite() && determinant != 0.0 {

@@ -17,7 +17,6 @@ use crate::block::{Block, Span};
 use crate::config::NetworkConfig;
 use crate::{ModelError, camera, rope};
 use reference::Order;
-use spec::root;
 
 /// Eps of a block's two norms.
 const BLOCK_EPS: f32 = 1e-6;
@@ -28,13 +27,13 @@ pub(crate) fn record(
     config: &NetworkConfig,
     spec: &BackboneSpec,
 ) -> Result<BackboneOutputs, ModelError> {
-    let backbone = &config.backbone;
+    let (backbone, at) = (&config.backbone, config.at.pp("backbone.pretrained"));
     let given = match &config.camera_encoder {
         Some(encoder) if spec.cameras_given => Some(camera::encode(g, encoder, backbone.width, spec.images)?),
         _ => None,
     };
     let images = g.input("images", [spec.images, 3, spec.grid.0 * crate::PATCH, spec.grid.1 * crate::PATCH]);
-    let mut x = embed::record(g, backbone, spec, images)?;
+    let mut x = embed::record(g, &at, backbone, spec, images)?;
     let rope = rope::tables(g, backbone, spec.grid);
 
     let mut order = Order::original(spec.images);
@@ -43,23 +42,23 @@ pub(crate) fn record(
     let mut exports = Vec::with_capacity(spec.export_layers.len());
     let last = spec.export_layers.iter().copied().chain([backbone.out_layers[3]]).max().unwrap_or(0);
     for i in 0..=last {
-        if i + 1 == backbone.alternate_from {
+        if Some(i + 1) == backbone.alternate_from {
             // The block that follows attends within views and replaces `local`, so `x` alone is put in order.
             order = Order::choose(g, config, spec, x)?;
             x = order.apply(g, x)?;
         }
-        if i == backbone.alternate_from {
+        if Some(i) == backbone.alternate_from {
             x = match given {
                 Some((_, given)) => tokens::given_cameras(g, spec, x, given)?,
-                None => tokens::learnt_cameras(g, spec, x)?,
+                None => tokens::learnt_cameras(g, &at, spec, x)?,
             };
         }
         if let Some(time) = backbone.time.filter(|t| t.from == i) {
-            x = tokens::add_times(g, time, spec, x)?;
+            x = tokens::add_times(g, &at, time, spec, x)?;
         }
         let span = if backbone.is_global(i) { Span::All } else { Span::Groups(spec.images) };
         let block = Block {
-            at: root().pp("blocks").pp(i),
+            at: at.pp("blocks").pp(i),
             heads: backbone.heads,
             ffn: backbone.ffn,
             eps: BLOCK_EPS,
@@ -73,14 +72,16 @@ pub(crate) fn record(
             local = x;
         }
         if spec.export_layers.contains(&i) {
-            exports.push((i, features::export(g, spec, x, i)?));
+            exports.push((i, features::export(g, &at, spec, x, i)?));
         }
         if backbone.out_layers.contains(&i) {
-            taken.push(features::take(g, spec, &order, taken.len(), local, x)?);
+            // Where views do not see each other, a block's own output is all there is.
+            let beside = backbone.alternate_from.map(|_| local);
+            taken.push(features::take(g, &at, spec, &order, taken.len(), (beside, x))?);
         }
     }
     let taken: [(Value, Value); 4] = taken.try_into().unwrap_or_else(|_| unreachable!("BUG: out layers were checked"));
-    let pose_codes = camera::decode(g, taken[3].1)?;
+    let pose_codes = if config.makes_cameras() { Some(camera::decode(g, taken[3].1)?) } else { None };
     Ok(BackboneOutputs {
         images,
         camera_codes: given.map(|(codes, _)| codes),

@@ -4,6 +4,8 @@
 //! (`spec/da3.md` section 12: a known `model_name`, else the tree under `config`) and `omnix-1` (`spec/omnix.md` section
 //! 1.1). Every value is checked before a graph is recorded; complaints name the field, its value and what may be there.
 
+use omnix_weights::Scope;
+
 mod check;
 mod da3;
 mod fields;
@@ -73,8 +75,9 @@ pub struct BackboneConfig {
     pub position_grid: usize,
     /// Blocks whose outputs are the four features, counted from 0.
     pub out_layers: [usize; 4],
-    /// From this block on, odd blocks attend over all views; the camera token enters before it.
-    pub alternate_from: usize,
+    /// From this block on, odd blocks attend over all views; the camera token enters before it. None where each view is by itself
+    /// (monocular and metric networks): such a network has no cameras, and its features are the blocks' own outputs alone.
+    pub alternate_from: Option<usize>,
     /// First block with a norm on queries and keys.
     pub qk_norm_from: Option<usize>,
     /// First block with RoPE.
@@ -95,25 +98,37 @@ impl BackboneConfig {
     /// Whether block `i` attends over all views.
     #[must_use]
     pub fn is_global(&self, i: usize) -> bool {
-        i >= self.alternate_from && i % 2 == 1
+        self.alternate_from.is_some_and(|from| i >= from) && i % 2 == 1
     }
 
-    /// Channels of a feature: the last local block's output beside the block's own.
+    /// Channels of a feature: the last local block's output beside the block's own, where views see each other.
     #[must_use]
     pub fn feature_width(&self) -> usize {
-        2 * self.width
+        if self.alternate_from.is_some() { 2 * self.width } else { self.width }
     }
 }
 
-/// The dense head (DualDPT).
+/// What a dense head makes beside depth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeadKind {
+    /// Confidence, and rays in a branch of their own (DualDPT).
+    Dual {
+        /// Convolutions between the ray branch's fusion chain and its output.
+        aux_convs: usize,
+    },
+    /// How much each pixel is sky (DPT).
+    Sky,
+}
+
+/// The dense head.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeadConfig {
+    /// What it makes.
+    pub kind: HeadKind,
     /// Channels of the fusion chains.
     pub features: usize,
     /// Channels of the four projections.
     pub channels: [usize; 4],
-    /// Convolutions between the ray branch's fusion chain and its output.
-    pub aux_convs: usize,
     /// Exponents of depth and confidence are clamped to plus and minus this.
     pub logit_clamp: Option<f32>,
 }
@@ -144,29 +159,24 @@ pub enum PointsFrom {
     Camera,
 }
 
-/// A part of a checkpoint that is known and not run.
+/// What depth is measured in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LeftOut {
-    /// `gs_head.`: Gaussians.
-    GaussianHead,
+pub enum DepthUnit {
+    /// The network's own unit: no metre.
+    Own,
+    /// Metres, if the focal length were 300 pixels of the picture that the network sees: metres are `depth · f / 300`.
+    Canonical,
+    /// Metres.
+    Metres,
 }
 
-impl LeftOut {
-    /// The beginnings of its tensors' names.
-    #[must_use]
-    pub const fn prefixes(self) -> &'static [&'static str] {
-        match self {
-            Self::GaussianHead => &["gs_head."],
-        }
-    }
-
-    /// One sentence for users.
-    #[must_use]
-    pub const fn note(self) -> &'static str {
-        match self {
-            Self::GaussianHead => "the checkpoint's Gaussian head is not used: this version makes no Gaussians",
-        }
-    }
+/// The Gaussian head (of da3-giant): a DPT chain of its own on the features, joined with the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GaussianConfig {
+    /// Channels of the fusion chain.
+    pub features: usize,
+    /// Channels of the four projections.
+    pub channels: [usize; 4],
 }
 
 /// A whole network.
@@ -178,6 +188,8 @@ pub struct NetworkConfig {
     pub family: Family,
     /// The prefix of the tensors' names, where the configuration says it.
     pub key_prefix: Option<String>,
+    /// Where its tensors are among the logical names: at the root, or those of [`omnix_weights::METRIC`].
+    pub at: Scope,
     /// The encoder.
     pub backbone: BackboneConfig,
     /// Depth, confidence and rays.
@@ -188,11 +200,27 @@ pub struct NetworkConfig {
     pub points: PointsFrom,
     /// Trajectories, if it makes any.
     pub trajectory: Option<TrajectoryConfig>,
-    /// What the checkpoint has beyond this.
-    pub left_out: Vec<LeftOut>,
+    /// What depth is measured in.
+    pub unit: DepthUnit,
+    /// The metric network that runs beside it and gives its results the metre and the sky (nested networks).
+    pub metric: Option<Box<NetworkConfig>>,
+    /// Gaussians, if it makes any.
+    pub gaussians: Option<GaussianConfig>,
 }
 
 impl NetworkConfig {
+    /// Whether it makes cameras, confidence and rays; those that do not make depth and sky, each view by itself.
+    #[must_use]
+    pub fn makes_cameras(&self) -> bool {
+        matches!(self.head.kind, HeadKind::Dual { .. })
+    }
+
+    /// Whether results depend on the sky of all views together: it, or its metric network, makes sky.
+    #[must_use]
+    pub fn makes_sky(&self) -> bool {
+        self.head.kind == HeadKind::Sky || self.metric.is_some()
+    }
+
     /// The prefix of the tensors' names, where the configuration says it.
     #[must_use]
     pub fn key_prefix(&self) -> Option<&str> {

@@ -1,11 +1,12 @@
-//! The dense head (DualDPT, `spec/da3.md` section 6): four features of a frame to depth, confidence and, when asked, rays
-//! and world points. The pyramid, the fusion chain and what leads to the picture's size serve the sampling head of the
-//! trajectory module too ([`crate::sampling`]): other tensors, another last layer.
+//! The dense heads: four features of a frame to depth, confidence and, when asked, rays and world points (DualDPT, `spec/da3.md`
+//! section 6), or to depth and sky (DPT, section 7). The pyramid, the fusion chain and what leads to the picture's size serve the
+//! sampling head of the trajectory module too ([`crate::sampling`]): other tensors, another last layer.
 //!
 //! Frames do not see each other. Maps are `[frame, row, column, channel]`. The ray branch shares nothing with the main one
 //! behind the pyramid; when rays are not wanted none of it is recorded, and of its four output levels only the finest is.
 
 mod fusion;
+mod gaussians;
 mod outputs;
 mod points;
 mod pyramid;
@@ -15,7 +16,7 @@ mod uv;
 use omnix_graph::Graph;
 use omnix_weights::Scope;
 
-use crate::config::{NetworkConfig, PointsFrom};
+use crate::config::{HeadKind, NetworkConfig, PointsFrom};
 use crate::{ModelError, PATCH};
 pub use spec::{HeadOutputs, HeadSpec};
 
@@ -23,6 +24,12 @@ pub use spec::{HeadOutputs, HeadSpec};
 #[derive(Clone, Debug)]
 pub(crate) struct Head {
     pub(crate) at: Scope,
+    /// What its values' names begin with.
+    pub(crate) label: &'static str,
+    /// Whether features are normalised first.
+    pub(crate) norm: bool,
+    /// Whether places in the picture are coded into the maps.
+    pub(crate) coded: bool,
     /// Channels of the fusion chain.
     pub(crate) features: usize,
     /// Channels of the four projections.
@@ -47,10 +54,14 @@ impl Head {
 
 /// Records the head of a chunk of frames.
 pub(crate) fn record(g: &mut Graph, config: &NetworkConfig, spec: &HeadSpec) -> Result<HeadOutputs, ModelError> {
-    let HeadSpec { frames, grid, rays, points } = *spec;
+    let HeadSpec { frames, grid, rays, points, gaussians } = *spec;
     let dense = &config.head;
+    let dual = config.makes_cameras();
     let head = Head {
-        at: Scope::root().pp("head"),
+        at: config.at.pp("head"),
+        label: "head",
+        norm: dual,
+        coded: dual,
         features: dense.features,
         channels: dense.channels,
         clamp: dense.logit_clamp,
@@ -61,11 +72,15 @@ pub(crate) fn record(g: &mut Graph, config: &NetworkConfig, spec: &HeadSpec) -> 
     let features = std::array::from_fn(|k| g.input(&format!("feat.{k}"), [frames, grid.0 * grid.1, wide]));
     let levels = head.pyramid(g, features)?;
     let fused = head.fuse(g, levels, "")?;
+    let HeadKind::Dual { aux_convs } = dense.kind else {
+        let (depth, sky) = head.depth_and_sky(g, fused)?;
+        return Ok(HeadOutputs { sky: Some(sky), ..HeadOutputs::of(features, depth) });
+    };
     let (depth, confidence) = head.main(g, fused)?;
     let along_rays = points && config.points == PointsFrom::Rays;
     let ray_maps = if rays || along_rays {
         let fused = head.fuse(g, levels, "_aux")?;
-        Some(head.rays(g, fused, dense.aux_convs)?)
+        Some(head.rays(g, fused, aux_convs)?)
     } else {
         None
     };
@@ -74,14 +89,13 @@ pub(crate) fn record(g: &mut Graph, config: &NetworkConfig, spec: &HeadSpec) -> 
         g.output(confidence, "ray_conf");
     }
     let mut outputs = HeadOutputs {
-        features,
-        depth,
-        confidence,
+        confidence: Some(confidence),
         rays: ray_maps.filter(|_| rays),
-        camera_rays: None,
-        points: None,
-        point_tokens: None,
+        ..HeadOutputs::of(features, depth)
     };
+    if let Some(config) = config.gaussians.as_ref().filter(|_| gaussians) {
+        outputs.gaussians = Some(head.gaussians(g, config, features)?);
+    }
     if points {
         let along = match ray_maps.filter(|_| along_rays) {
             Some((ray, _)) => head.along_rays(g, ray)?,

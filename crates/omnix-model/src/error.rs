@@ -24,14 +24,6 @@ pub enum ModelError {
         /// What may be there.
         allowed: String,
     },
-    /// A network that is known but cannot be run.
-    #[error(
-        "{what} cannot be run yet; supported are the any-view networks da3-small, da3-base, da3-large, da3-giant and OmniX"
-    )]
-    Unsupported {
-        /// What the configuration describes.
-        what: String,
-    },
     /// Something asked of a network that it cannot do.
     #[error("{what}: {cure}")]
     Request {

@@ -1,4 +1,4 @@
-//! The networks as graphs: Depth Anything 3 (any view) and OmniX.
+//! The networks as graphs: Depth Anything 3 (any view, monocular, metric, nested) and OmniX.
 //!
 //! Source: `spec/da3.md` sections 1 to 8, 12, 17, 18 and `spec/omnix.md` sections 1 and 3 to 9. This crate *records* into an
 //! [`omnix_graph::Graph`]; it computes nothing but tables that depend on sizes alone. Two graphs make geometry: the backbone
@@ -13,8 +13,8 @@
 //! `feat.k.cam` here; their `out.pose_encoding` is `cam.pose_enc`, `traj.mask`, `head.offsets` and `head.weights` are
 //! `mask`, `offsets` and `weights`, `out.token_score` is `traj.score`.
 //!
-//! Not here, and refused by name: monocular and metric networks, nested ones, and the Gaussian head (its tensors are known
-//! and left out).
+//! A nested network is two: [`Network::metric`] is the second, with graphs of its own; what their results become together is
+//! [`omnix_geometry::metric_scale`].
 
 pub mod backbone;
 mod block;

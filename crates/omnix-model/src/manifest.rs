@@ -7,10 +7,13 @@
 mod list;
 mod trajectory;
 
+use omnix_geometry::GAUSSIAN_NUMBERS;
 use omnix_weights::{Manifest, Requirement, Scope};
 
 use crate::PATCH;
-use crate::config::{BackboneConfig, CameraEncoderConfig, FeedForward, HeadConfig, NetworkConfig, PointsFrom};
+use crate::config::{
+    BackboneConfig, CameraEncoderConfig, FeedForward, GaussianConfig, HeadConfig, HeadKind, NetworkConfig, PointsFrom,
+};
 use list::{List, fusion, main_branch, when};
 
 /// What will be asked of the network.
@@ -22,19 +25,26 @@ pub struct Parts {
     pub given_cameras: bool,
     /// Trajectories.
     pub motion: bool,
+    /// Gaussians.
+    pub gaussians: bool,
 }
 
 /// The tensors of the network `config`, by logical name.
 #[must_use]
 pub fn manifest(config: &NetworkConfig, parts: &Parts) -> Manifest {
     let mut list = List { manifest: Manifest::new(), requirement: Requirement::Required };
-    backbone(&mut list, &config.backbone);
+    for network in [config].into_iter().chain(config.metric.as_deref()) {
+        list.requirement = Requirement::Required;
+        backbone(&mut list, &network.at, &network.backbone);
+        // Points follow the rays, and trajectories start at points.
+        let rays = parts.rays || parts.motion && network.points == PointsFrom::Rays;
+        dense_head(&mut list, &network.at, &network.head, network.backbone.feature_width(), rays);
+    }
     let wide = config.backbone.feature_width();
-    // Points follow the rays, and trajectories start at points.
-    let rays = parts.rays || parts.motion && config.points == PointsFrom::Rays;
-    dense_head(&mut list, &config.head, wide, rays);
     list.requirement = Requirement::Required;
-    camera_decoder(&mut list, wide);
+    if config.makes_cameras() {
+        camera_decoder(&mut list, wide);
+    }
     if let Some(trajectory) = &config.trajectory {
         list.requirement = when(parts.motion);
         trajectory::module(&mut list, trajectory, wide);
@@ -44,21 +54,24 @@ pub fn manifest(config: &NetworkConfig, parts: &Parts) -> Manifest {
         list.requirement = when(parts.given_cameras);
         camera_encoder(&mut list, encoder, config.backbone.width);
     }
+    if let Some(gaussians) = &config.gaussians {
+        list.requirement = when(parts.gaussians);
+        gaussian_head(&mut list, gaussians, wide);
+    }
     let mut manifest = list.manifest;
     for level in 1..4 {
         manifest.ignore(format!("head.scratch.output_conv2_aux.{level}.2."));
     }
-    for prefix in config.left_out.iter().flat_map(|part| part.prefixes()) {
-        manifest.ignore(*prefix);
-    }
     manifest
 }
 
-fn backbone(list: &mut List, config: &BackboneConfig) {
+fn backbone(list: &mut List, at: &Scope, config: &BackboneConfig) {
     let BackboneConfig { width: c, position_grid: grid, .. } = *config;
-    let at = Scope::root().pp("backbone.pretrained");
+    let at = at.pp("backbone.pretrained");
     list.add(at.name("cls_token"), &[1, 1, c]);
-    list.add(at.name("camera_token"), &[1, 2, c]);
+    if config.alternate_from.is_some() {
+        list.add(at.name("camera_token"), &[1, 2, c]);
+    }
     list.add(at.name("pos_embed"), &[1, 1 + grid * grid, c]);
     list.layer(&at.pp("patch_embed.proj"), &[c, 3, PATCH, PATCH]);
     for i in 0..config.blocks {
@@ -91,10 +104,17 @@ fn transformer_block(list: &mut List, at: &Scope, c: usize, ffn: FeedForward) {
     list.add(at.name("ls2.gamma"), &[c]);
 }
 
-fn dense_head(list: &mut List, config: &HeadConfig, wide: usize, rays: bool) {
-    let HeadConfig { features: f, channels, aux_convs, .. } = *config;
-    let head = Scope::root().pp("head");
+fn dense_head(list: &mut List, at: &Scope, config: &HeadConfig, wide: usize, rays: bool) {
+    let HeadConfig { kind, features: f, channels, .. } = *config;
+    let head = at.pp("head");
     let at = head.pp("scratch");
+    let HeadKind::Dual { aux_convs } = kind else {
+        main_branch(list, &head, wide, f, channels, [32, 1]);
+        list.layer(&at.pp("sky_output_conv2.0"), &[32, f / 2, 3, 3]);
+        list.layer(&at.pp("sky_output_conv2.2"), &[1, 32, 1, 1]);
+        return;
+    };
+    list.layer(&head.pp("norm"), &[wide]);
     main_branch(list, &head, wide, f, channels, [32, 2]);
 
     list.requirement = when(rays);
@@ -108,6 +128,14 @@ fn dense_head(list: &mut List, config: &HeadConfig, wide: usize, rays: bool) {
         }
         list.layer(&at.pp("output_conv2_aux").pp(level).pp(0), &[32, f / 2, 3, 3]);
         list.layer(&at.pp("output_conv2_aux").pp(level).pp(5), &[7, 32, 1, 1]);
+    }
+}
+
+fn gaussian_head(list: &mut List, config: &GaussianConfig, wide: usize) {
+    let (GaussianConfig { features: f, channels }, at) = (*config, Scope::root().pp("gs_head"));
+    main_branch(list, &at, wide, f, channels, [32, GAUSSIAN_NUMBERS]);
+    for (layer, [into, out]) in [[3, f / 8], [f / 8, f / 4], [f / 4, f / 2]].into_iter().enumerate() {
+        list.layer(&at.pp("images_merger").pp(2 * layer), &[out, into, 3, 3]);
     }
 }
 

@@ -28,12 +28,18 @@ impl Network {
         &self.config
     }
 
+    /// The metric network beside this one, in a nested network.
+    #[must_use]
+    pub fn metric(&self) -> Option<Self> {
+        self.config.metric.as_deref().cloned().map(Self::new)
+    }
+
     /// The choice of reference view that the network was published with.
     #[must_use]
     pub fn default_reference(&self) -> ReferenceChoice {
         match self.config.family {
-            Family::DepthAnything3 => ReferenceChoice::SaddleBalanced,
-            Family::OmniX => ReferenceChoice::First,
+            Family::DepthAnything3 if self.config.makes_cameras() => ReferenceChoice::SaddleBalanced,
+            Family::DepthAnything3 | Family::OmniX => ReferenceChoice::First,
         }
     }
 
@@ -58,6 +64,10 @@ impl Network {
                 format!("{name} takes the first image"),
             );
         }
+        if !self.config.makes_cameras() && spec.reference != ReferenceChoice::First {
+            let cure = format!("in {name} each image is by itself; leave it out");
+            return request(format!("{} as the reference view", spec.reference), cure);
+        }
         if spec.cameras_given && self.config.camera_encoder.is_none() {
             return request("given cameras".to_owned(), format!("{name} has no camera encoder; leave them out"));
         }
@@ -78,6 +88,14 @@ impl Network {
     pub fn head(&self, g: &mut Graph, spec: &HeadSpec) -> Result<HeadOutputs, ModelError> {
         self.config.check()?;
         check_grid(spec.frames, spec.grid, "frames")?;
+        if spec.rays && !self.config.makes_cameras() {
+            let cure = format!("{} makes depth and sky; any-view networks make rays", self.config.name);
+            return Err(ModelError::Request { what: "ray maps".to_owned(), cure });
+        }
+        if spec.gaussians && self.config.gaussians.is_none() {
+            let cure = format!("{} has no head for them; da3-giant and da3nested-giant-large have", self.config.name);
+            return Err(ModelError::Request { what: "Gaussians".to_owned(), cure });
+        }
         if spec.points && self.config.family != Family::OmniX {
             let cure = format!("{} makes depth and cameras; OmniX networks make points", self.config.name);
             return Err(ModelError::Request { what: "world points".to_owned(), cure });

@@ -35,6 +35,9 @@ pub(crate) fn record(
     let sampling = &config.head;
     let head = Head {
         at: root(),
+        label: "head",
+        norm: true,
+        coded: true,
         features: sampling.features,
         channels: sampling.channels,
         clamp: sampling.logit_clamp,

@@ -95,6 +95,13 @@ impl Network {
     /// [`ModelError::Request`] when the network cannot do what is asked.
     pub fn training(&self, g: &mut Graph, spec: &TrainingSpec) -> Result<TrainingOutputs, ModelError> {
         let TrainingSpec { images, grid, motion, ungated, dropout, .. } = *spec;
+        if self.config().metric.is_some() {
+            let (what, name) = ("training of a nested network".to_owned(), &self.config().name);
+            return Err(ModelError::Request {
+                what,
+                cure: format!("{name} is two networks; train its any-view network"),
+            });
+        }
         let times = vec![(0, 0); images];
         let reference = self.default_reference();
         let backbone = BackboneSpec {
@@ -106,7 +113,8 @@ impl Network {
             export_layers: Vec::new(),
         };
         let made = self.backbone(g, &backbone)?;
-        let head = self.head(g, &HeadSpec { frames: images, grid, rays: true, points: motion })?;
+        let pose_codes = made.pose_codes.ok_or_else(|| self.lacks("cameras"))?;
+        let head = self.head(g, &HeadSpec { frames: images, grid, rays: true, points: motion, gaussians: false })?;
         connect_all(g, &head.features, &made.features)?;
         if head.camera_rays.is_some() {
             let cure =
@@ -134,9 +142,9 @@ impl Network {
         Ok(TrainingOutputs {
             images: made.images,
             codes,
-            pose_codes: made.pose_codes,
+            pose_codes,
             depth: head.depth,
-            depth_confidence: head.confidence,
+            depth_confidence: head.confidence.ok_or_else(|| self.lacks("confidence"))?,
             rays,
             points: head.points,
             motion: moving,

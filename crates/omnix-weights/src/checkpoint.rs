@@ -147,10 +147,11 @@ impl Checkpoint {
         &self.prefix
     }
 
-    /// The full name under which a logical name is stored, by way of an alias where the file dropped a shared tensor.
+    /// The full name under which a logical name is stored: behind the prefix, or beside it where it is the metric network's of a nested
+    /// one ([`names::METRIC`]); by way of an alias where the file dropped a shared tensor.
     #[must_use]
     pub fn resolve(&self, name: &str) -> Option<String> {
-        let full = format!("{}{name}", self.prefix);
+        let full = names::beside(&self.prefix, name).unwrap_or_else(|| format!("{}{name}", self.prefix));
         if self.index.contains_key(&full) {
             return Some(full);
         }
@@ -200,8 +201,10 @@ impl Checkpoint {
     /// The network's own tensors by full name, in the order of their names. A tensor that is stored under a name outside of the network has the
     /// name that leads there.
     pub(crate) fn network_tensors(&self) -> impl Iterator<Item = (&str, &TensorInfo)> {
-        let own = |name: &str| name.starts_with(&self.prefix);
-        let aliases = self.metadata.iter().filter(move |(alias, kept)| own(alias) && !own(kept));
+        let metric = names::beside(&self.prefix, &format!("{}.", names::METRIC));
+        let own =
+            move |name: &str| name.starts_with(&self.prefix) || metric.as_ref().is_some_and(|m| name.starts_with(m));
+        let aliases = self.metadata.iter().filter(|(alias, kept)| own(alias) && !own(kept));
         let led = aliases.filter_map(|(alias, kept)| Some((alias.as_str(), self.info_stored(kept)?)));
         let all: BTreeMap<&str, &TensorInfo> = self.tensors().filter(|(name, _)| own(name)).chain(led).collect();
         all.into_iter()

@@ -1,6 +1,6 @@
 //! A guess, from names and shapes alone, of what network a checkpoint holds; for messages and `weights info`.
 
-use crate::Checkpoint;
+use crate::{Checkpoint, names::METRIC};
 
 /// Published networks by width and number of blocks (`spec/da3.md` section 1).
 const SIZES: [(usize, usize, &str); 4] =
@@ -16,7 +16,9 @@ pub fn describe(checkpoint: &Checkpoint) -> String {
     let blocks = count_blocks(checkpoint);
     let family = if has("st_mod.") {
         "OmniX"
-    } else if checkpoint.key_prefix() == "model.da3." {
+    } else if is_nested(checkpoint) {
+        "a nested Depth Anything 3 (with a metric network beside it)"
+    } else if checkpoint.key_prefix().ends_with("da3.") {
         "the any-view part of a nested Depth Anything 3"
     } else {
         "Depth Anything 3"
@@ -37,6 +39,11 @@ pub fn describe(checkpoint: &Checkpoint) -> String {
 pub(crate) fn published_size(checkpoint: &Checkpoint) -> Option<&'static str> {
     let found = (width(checkpoint)?, count_blocks(checkpoint));
     SIZES.iter().find(|(width, blocks, _)| (*width, *blocks) == found).map(|(.., name)| *name)
+}
+
+/// Whether a metric network lies beside the any-view one.
+pub(crate) fn is_nested(checkpoint: &Checkpoint) -> bool {
+    checkpoint.info(&format!("{METRIC}.backbone.pretrained.cls_token")).is_some()
 }
 
 /// Whether there are tensors whose logical names begin like this.

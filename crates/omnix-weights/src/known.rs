@@ -25,7 +25,7 @@ pub(crate) fn configuration(checkpoint: &Checkpoint) -> Option<(Value, &'static 
         "small" => "da3-small",
         "base" => "da3-base",
         "large" => "da3-large",
-        "giant" if checkpoint.key_prefix().ends_with("da3.") => "da3nested-giant-large",
+        "giant" if describe::is_nested(checkpoint) => "da3nested-giant-large",
         _ => "da3-giant",
     };
     Some((json!({ "model_name": name }), name))

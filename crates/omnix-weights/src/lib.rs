@@ -32,7 +32,7 @@ pub use convert::{Conversion, Converted};
 pub use describe::describe;
 pub use error::WeightsError;
 pub use manifest::{Expected, Manifest, Requirement, check};
-pub use names::Scope;
+pub use names::{METRIC, Scope};
 pub use omnix_tensors::{Findings, Float, TensorError, TensorFile, TensorInfo, TensorView};
 pub use published::{PUBLISHED, Published, licence};
 pub use report::{CheckReport, WrongShape};

@@ -9,6 +9,10 @@ use std::fmt::{self, Display};
 /// The prefixes under which networks are stored, the likeliest first.
 pub const PREFIXES: [&str; 4] = ["model.", "net.", "", "model.da3."];
 
+/// How the names of the metric network inside a nested one begin: its tensors lie beside those of the any-view network, not below them
+/// (`model.da3_metric.` beside `model.da3.`).
+pub const METRIC: &str = "da3_metric";
+
 /// Names that every supported network has; enough to tell the prefix of a file before its network is known.
 pub const PROBES: [&str; 4] = [
     "backbone.pretrained.cls_token",
@@ -83,6 +87,13 @@ pub fn detect_prefix<'a>(configured: Option<&'a str>, stored: &[&'a str]) -> Opt
     hits.into_iter().max_by_key(|(prefix, hits)| (*hits, std::cmp::Reverse(rank(prefix)))).map(|(prefix, _)| prefix)
 }
 
+/// The full name of a tensor of the metric network in a nested file with this prefix (that of its any-view network).
+#[must_use]
+pub fn beside(prefix: &str, name: &str) -> Option<String> {
+    let rest = name.strip_prefix(METRIC).filter(|rest| rest.starts_with('.'))?;
+    Some(format!("{}{METRIC}{rest}", prefix.strip_suffix("da3.")?))
+}
+
 /// Where a tensor that a file left out is stored instead.
 ///
 /// The layer norm of the auxiliary head is one instance shared by four levels; published files keep level 0 only and map
@@ -134,6 +145,16 @@ mod tests {
         assert_eq!(detect(Some("b."), &[("net.", 4), ("b.", 4)]).as_deref(), Some("b."));
         assert_eq!(detect(Some("net."), &[("model.", 4)]).as_deref(), Some("model."));
         assert_eq!(detect_prefix(None, &["xbackbone.pretrained.cls_token"]), None);
+    }
+
+    #[test]
+    fn the_metric_network_lies_beside_the_other() {
+        let found = beside("model.da3.", "da3_metric.head.norm.bias");
+        assert_eq!(found.as_deref(), Some("model.da3_metric.head.norm.bias"));
+        assert_eq!(beside("da3.", "da3_metric.x").as_deref(), Some("da3_metric.x"));
+        for (prefix, name) in [("model.", "da3_metric.x"), ("model.da3.", "da3_metrics.x"), ("model.da3.", "x")] {
+            assert_eq!(beside(prefix, name), None, "{prefix} {name}");
+        }
     }
 
     #[test]

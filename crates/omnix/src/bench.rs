@@ -140,7 +140,7 @@ impl NetworkBench {
         };
         let (mut backbone, mut head) = (Graph::new(), Graph::new());
         network.backbone(&mut backbone, &spec)?;
-        network.head(&mut head, &HeadSpec { frames: 1, grid, rays: false, points: false })?;
+        network.head(&mut head, &HeadSpec { frames: 1, grid, rays: false, points: false, gaussians: false })?;
         let plan = |graph: &Graph| Plan::new(graph, &gpu.caps, &PlanOptions::default());
         let (backbone, head) = (plan(&backbone)?, plan(&head)?);
         let keys: Vec<_> = backbone.weights.iter().chain(&head.weights).cloned().collect();

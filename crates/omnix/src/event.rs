@@ -17,6 +17,8 @@ pub enum Event {
     Progress(Progress),
     /// How known cameras and the network's own agree, where some are given. Before any geometry.
     Agreement(Agreement),
+    /// Metres in a unit of the any-view network's depth, of a nested network. Before any geometry, which is in metres.
+    MetricScale(f64),
     /// An image's geometry, on the host ([`crate::Session::run`]).
     Frame(FrameGeometry),
     /// An image's geometry, on the device ([`crate::Session::run_resident`]).
@@ -42,6 +44,8 @@ pub fn quiet() -> impl FnMut(Event) -> Result<(), OmnixError> {
 pub enum Phase {
     /// Reading, packing and uploading weights that stay while their stage runs; checking those that do not.
     Weights,
+    /// The metric network of a nested one, over all images.
+    Metric,
     /// The network over all images.
     Backbone,
     /// Depth, image by image.
@@ -69,14 +73,23 @@ pub struct Progress {
 pub struct FrameGeometry {
     /// Index of the image.
     pub index: usize,
-    /// Depth along the camera's z axis, `[height, width]`, in the network's own scale.
+    /// Depth along the camera's z axis, `[height, width]`, in the unit of [`crate::RunPlan::unit`].
     pub depth: Vec<f32>,
-    /// Confidence of each depth, at least 1.
-    pub confidence: Vec<f32>,
-    /// World-to-camera pose and intrinsics in pixels of the processed image.
-    pub camera: Camera,
+    /// Confidence of each depth, at least 1; none of monocular and metric networks.
+    pub confidence: Option<Vec<f32>>,
+    /// How much each pixel is sky, at least 0, of monocular, metric and nested networks: from 0.3 on its depth was filled in
+    /// ([`omnix_geometry::fill_sky`]), from 0.5 on ([`omnix_geometry::SKY`]) results call it sky.
+    pub sky: Option<Vec<f32>>,
+    /// World-to-camera pose and intrinsics in pixels of the processed image; none of monocular and metric networks, unless they
+    /// were given.
+    pub camera: Option<Camera>,
     /// `[8·height/14, 8·width/14, 6]` direction and origin in the world, and a confidence each, if asked for.
     pub rays: Option<(Vec<f32>, Vec<f32>)>,
+    /// `[height, width, 38]`: what a Gaussian head says of each pixel, if asked for; with depth and camera these are Gaussians of the
+    /// world ([`omnix_geometry::GaussianMaps`]).
+    pub gaussians: Option<Vec<f32>>,
+    /// Block and `[height/14, width/14, channels]` of each of the encoder's features that were asked for.
+    pub features: Vec<(usize, Vec<f32>)>,
 }
 
 /// The results for one image, on the device: f32, row-major, storage buffers that can also be copied from.
@@ -90,14 +103,20 @@ pub struct ResidentGeometry {
     pub index: usize,
     /// Depth `[height, width]` before [`ResidentGeometry::depth_scale`].
     pub depth: BufferSlice,
-    /// Confidence `[height, width]`.
-    pub confidence: BufferSlice,
-    /// World-to-camera pose and intrinsics in pixels of the processed image.
-    pub camera: Camera,
+    /// Confidence `[height, width]`, as [`FrameGeometry::confidence`].
+    pub confidence: Option<BufferSlice>,
+    /// Sky `[height, width]`, as [`FrameGeometry::sky`].
+    pub sky: Option<BufferSlice>,
+    /// World-to-camera pose and intrinsics in pixels of the processed image, as [`FrameGeometry::camera`].
+    pub camera: Option<Camera>,
     /// What depth is multiplied by: 1 unless cameras were given.
     pub depth_scale: f32,
     /// Rays and their confidence as in [`FrameGeometry::rays`], if asked for.
     pub rays: Option<(BufferSlice, BufferSlice)>,
+    /// As [`FrameGeometry::gaussians`], before [`ResidentGeometry::depth_scale`].
+    pub gaussians: Option<BufferSlice>,
+    /// As [`FrameGeometry::features`].
+    pub features: Vec<(usize, BufferSlice)>,
     /// World points `[height, width, 3]`, where trajectories are wanted.
     pub points: Option<BufferSlice>,
 }

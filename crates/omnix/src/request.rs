@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use omnix_geometry::{AlignTo, Camera, fit_cameras};
 use omnix_kernels::WeightType;
 use omnix_model::backbone::ReferenceChoice;
+use omnix_model::config::NetworkConfig;
 
 use crate::error::OmnixError;
 
@@ -24,12 +25,17 @@ pub struct Request {
     pub times: Option<Vec<(u32, u32)>>,
     /// Which view carries the reference token; `None` is the network's own default.
     pub reference: Option<ReferenceChoice>,
-    /// Known cameras (for the processed size), world-to-camera.
+    /// Known cameras (for the processed size), world-to-camera. For any-view networks with a camera encoder, and for metric networks:
+    /// these become the cameras of the results, and their focal lengths turn depth into metres.
     pub cameras: Option<Vec<Camera>>,
     /// What known cameras do to the result.
     pub align: AlignTo,
     /// Whether ray maps are wanted; they cost about as much as depth.
     pub rays: bool,
+    /// Blocks of the encoder, from 0, whose features are wanted.
+    pub features: Vec<usize>,
+    /// Whether Gaussians are wanted; they need a network with a head for them.
+    pub gaussians: bool,
     /// Whether trajectories are wanted; they need a network that has them.
     pub motion: bool,
     /// How weights are stored on the device.
@@ -79,6 +85,8 @@ impl Request {
             cameras: None,
             align: AlignTo::Given,
             rays: false,
+            features: Vec::new(),
+            gaussians: false,
             motion: false,
             storage: WeightType::F32,
             keep_weights: true,
@@ -133,16 +141,23 @@ impl Request {
         {
             return wrong(format!("{} cameras for {} images", cameras.len(), self.images));
         }
-        // What brings them and the network's own together needs three centres that are not on a line.
-        if let Some(cameras) = &self.cameras {
-            let poses: Vec<_> = cameras.iter().map(|camera| camera.extrinsics).collect();
-            if let Err(error) = fit_cameras(&poses, &poses) {
-                return wrong(format!(
-                    "known cameras that cannot be brought together with the network's own ({error})"
-                ));
-            }
-        }
         Ok(())
+    }
+
+    /// Whether known cameras go into the network; a metric network alone takes no more of them than their lenses, for the metre.
+    pub(crate) fn feeds_cameras(&self, config: &NetworkConfig) -> bool {
+        self.cameras.is_some() && config.makes_cameras()
+    }
+
+    /// Checks known cameras that go into the network: what brings them and its own together needs three centres that are not on a line.
+    ///
+    /// # Errors
+    /// [`OmnixError::Request`].
+    pub(crate) fn check_given_cameras(&self) -> Result<(), OmnixError> {
+        let poses: Vec<_> = self.cameras.iter().flatten().map(|camera| camera.extrinsics).collect();
+        fit_cameras(&poses, &poses).map(|_| ()).map_err(|error| OmnixError::Request {
+            reason: format!("known cameras that cannot be brought together with the network's own ({error})"),
+        })
     }
 }
 
@@ -173,6 +188,22 @@ impl Request {
     #[must_use]
     pub fn rays(mut self, rays: bool) -> Self {
         self.rays = rays;
+        self
+    }
+
+    /// Blocks of the encoder, from 0, whose features are wanted; each once.
+    #[must_use]
+    pub fn features(mut self, mut features: Vec<usize>) -> Self {
+        features.sort_unstable();
+        features.dedup();
+        self.features = features;
+        self
+    }
+
+    /// Whether Gaussians are wanted.
+    #[must_use]
+    pub fn gaussians(mut self, gaussians: bool) -> Self {
+        self.gaussians = gaussians;
         self
     }
 

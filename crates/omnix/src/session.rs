@@ -2,6 +2,7 @@
 
 mod geometry;
 mod handover;
+mod joined;
 mod motion;
 mod on_device;
 mod readback;
@@ -9,6 +10,7 @@ mod readback;
 mod warmup;
 
 use omnix_graph::Bindings;
+use omnix_kernels::BufferSlice;
 
 use crate::engine::Engine;
 use crate::error::OmnixError;
@@ -27,6 +29,8 @@ pub struct Session {
     plan: RunPlan,
     weights: SessionWeights,
     backbone: Option<OnDevice>,
+    /// The images, where more than one stage sees them.
+    shared: Option<BufferSlice>,
     /// Which images were written since the backbone last ran.
     written: Vec<bool>,
     /// Ends when the session does.
@@ -61,12 +65,13 @@ impl Session {
             plan,
             weights,
             backbone: None,
+            shared: None,
             written,
             #[cfg(not(target_arch = "wasm32"))]
             _warmup: warmup,
             unflushed: 0,
         };
-        session.backbone().await?;
+        session.place_images().await?;
         Ok(session)
     }
 
@@ -80,9 +85,29 @@ impl Session {
     async fn backbone(&mut self) -> Result<&OnDevice, OmnixError> {
         let made = match self.backbone.take() {
             Some(made) => made,
-            None => self.weights.stage(&self.plan.backbone, &Bindings::default(), &mut crate::quiet()).await?,
+            None => self.weights.stage(&self.plan.backbone, &self.image_bindings(), &mut crate::quiet()).await?,
         };
         Ok(self.backbone.insert(made))
+    }
+
+    /// Makes room for the images: in the backbone, or in a buffer of their own where another stage sees them too.
+    async fn place_images(&mut self) -> Result<BufferSlice, OmnixError> {
+        if self.plan.shared_images() == 0 {
+            return Ok(self.backbone().await?.slice("images")?);
+        }
+        let made = match self.shared.take() {
+            Some(made) => made,
+            None => {
+                let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+                self.engine.gpu().buffer("images", self.plan.shared_images(), usage)?.into()
+            }
+        };
+        Ok(self.shared.insert(made).clone())
+    }
+
+    /// The images as the input of a backbone, where they have a buffer of their own.
+    fn image_bindings(&self) -> Bindings {
+        self.shared.iter().map(|images| ("images".to_owned(), images.clone())).collect()
     }
 
     /// Writes image `index`: `[3, height, width]`, normalised (`omnix::io::preprocess::normalise`). A run uses the images up: all of
@@ -109,7 +134,9 @@ impl Session {
                 ),
             });
         }
-        self.backbone().await?.write_at("images", index * size, pixels)?;
+        let images = self.place_images().await?;
+        let at = images.offset + (index * size * size_of::<f32>()) as u64;
+        self.engine.gpu().queue.write_buffer(&images.buffer, at, bytemuck::cast_slice(pixels));
         self.written[index] = true;
         // What is written waits in staging memory for the next submission: thousands of images must not pile up there.
         self.unflushed += size as u64 * 4;
@@ -123,7 +150,8 @@ impl Session {
 
     /// Runs the network and tells `listener` each image's geometry, in order, while the device computes the next images; then, if
     /// the request asks for motion, what moves in each image, and the field. What was told is finished whatever happens
-    /// later, and geometry that was computed when the listener breaks off is still told.
+    /// later, and geometry that was computed when the listener breaks off is still told. Monocular, metric and nested networks tell
+    /// nothing before all images are done, since the sky of each depends on all.
     ///
     /// # Errors
     /// When an image has not been set since the last run, the device fails, or `listener` failed or broke off.
@@ -133,7 +161,8 @@ impl Session {
     }
 
     /// As [`Session::run_async`], with results that stay on the device ([`Event::Resident`]): nothing is read back but the cameras, a
-    /// few numbers. What the host submits to the engine's queue while it is told of an image sees this image's results; the
+    /// few numbers, and the maps of networks whose results depend on the sky of all images, which are put together on the host and
+    /// written to the device again. What the host submits to the engine's queue while it is told of an image sees this image's results; the
     /// next images overwrite them.
     ///
     /// # Errors
@@ -148,7 +177,11 @@ impl Session {
                 format!("image {image} has not been set: a run uses the images up, set all of them before each");
             return Err(OmnixError::Request { reason });
         }
-        let made = self.run_backbone(listener).await?;
+        if self.plan.waits() {
+            return self.run_joined(listener, &results).await;
+        }
+        let mut made = self.run_backbone(listener).await?;
+        self.align(&mut made, listener)?;
         let mut motion = self.start_motion()?;
         self.run_head(&made, motion.as_mut(), listener, &mut results).await?;
         if let Some(motion) = motion {

@@ -21,7 +21,7 @@ use omnix::io::{Export, SinkOptions, open_sinks, write_manifest};
 use omnix::{DeviceInfo, Engine, Event, FieldPlace, OmnixError, RunPlan, Session, Tier};
 use serde_json::{Map, Value, json};
 
-use crate::args::{Cameras, OutArgs, RunArgs};
+use crate::args::{OutArgs, RunArgs};
 use crate::error::CliError;
 use crate::job::{self, Job};
 use crate::ui::Ui;
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     }
     let software = engine.why_software(args.run.device.device.as_deref());
     announce(&job, &plan, args, &info, engine.caps().tier, software.as_deref(), ui);
-    let options = sink_options(&args.run);
+    let options = sink_options(&args.run, plan.unit());
     let folder = OutputFolder::open(&args.out.out)?;
     let sinks = open_sinks(&job.exports, &args.out.out, &options)?;
     disk::check(&args.out.out, disk::wanted(&job.exports, &job.size(&args.run, &plan), &plan))?;
@@ -144,9 +144,6 @@ fn announce(
         bytes::show(plan.peak_bytes()),
         plan.flops() as f64 / 1e9,
     ));
-    for left_out in &job.weights.network().config().left_out {
-        ui.note(&format!("note: {}", left_out.note()));
-    }
     if let Some(surplus) = first(&job.weights.report().surplus) {
         ui.note(&format!("note: the checkpoint holds tensors that are not used: {surplus}"));
     }
@@ -159,15 +156,12 @@ fn first(names: &[String]) -> Option<String> {
     (!names.is_empty()).then(|| format!("{}{more}", names[..names.len().min(SHOWN)].join(", ")))
 }
 
-fn sink_options(args: &RunArgs) -> SinkOptions {
-    let mut default = SinkOptions::default();
+fn sink_options(args: &RunArgs, unit: &str) -> SinkOptions {
+    let default = SinkOptions::default();
     let points = args.points.map(|n| n as usize);
     let (percentile, most) = (default.glb_confidence_percentile, default.glb_max_points);
-    // Depth is brought to the known cameras' scale.
-    if matches!(args.cameras, Cameras::Known(_)) {
-        default.unit = "that of the known cameras".to_owned();
-    }
     default
+        .unit(unit.to_owned())
         .ply_confidence_percentile(args.conf_percentile)
         .ply_max_points(points)
         .glb_confidence_percentile(args.conf_percentile.unwrap_or(percentile))

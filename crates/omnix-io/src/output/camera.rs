@@ -123,6 +123,8 @@ mod tests {
             extrinsics: Some([[0.0, -1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 2.0], [0.0, 0.0, 1.0, 3.0]]),
             intrinsics: Some([[100.0, 0.0, 10.0], [0.0, 50.0, 20.0], [0.0, 0.0, 1.0]]),
             sky: None,
+            gaussians: None,
+            features: &[],
             source: None,
         };
         let camera = Camera::of(&frame, "ply").unwrap();

@@ -9,8 +9,8 @@ use super::format::{FileKind, Format, NUMBER, PLAIN, RunSize};
 use super::frame::Sink;
 use super::options::SinkOptions;
 use super::{
-    colmap, csv, depth, exr, glb, html, masks, npz, omx4d, ply, ply_seq, preview, saved_field, st4rtrack, tracks,
-    transforms, tum, usda,
+    colmap, csv, depth, exr, features, glb, gs_ply, html, masks, npz, omx4d, ply, ply_seq, preview, saved_field,
+    st4rtrack, tracks, transforms, tum, usda,
 };
 use crate::IoError;
 
@@ -44,9 +44,11 @@ exports! {
     Preview = preview::FORMAT,
     Ply = ply::FORMAT,
     Glb = glb::FORMAT,
+    GsPly = gs_ply::FORMAT,
     Tum = tum::FORMAT,
     Colmap = colmap::FORMAT,
     Transforms = transforms::FORMAT,
+    Features = features::FORMAT,
     Tracks = tracks::FORMAT,
     Csv = csv::FORMAT,
     PlySeq = ply_seq::FORMAT,
@@ -90,6 +92,18 @@ impl Export {
     #[must_use]
     pub fn needs_motion(self) -> bool {
         self.format().needs_motion
+    }
+
+    /// Whether it needs a network with a Gaussian head, so that others can be refused before the run.
+    #[must_use]
+    pub fn needs_gaussians(self) -> bool {
+        self.format().needs_gaussians
+    }
+
+    /// Whether it needs features of the encoder, which a run makes when blocks are named.
+    #[must_use]
+    pub fn needs_features(self) -> bool {
+        self.format().needs_features
     }
 
     /// Whether a run writes it that names no exports.

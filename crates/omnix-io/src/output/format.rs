@@ -21,6 +21,10 @@ pub(super) struct Format {
     pub(super) states_source_lenses: bool,
     /// Whether it needs a network with trajectories.
     pub(super) needs_motion: bool,
+    /// Whether it needs a network with a Gaussian head.
+    pub(super) needs_gaussians: bool,
+    /// Whether it needs features of the encoder.
+    pub(super) needs_features: bool,
     /// Whether a run writes it that names no exports.
     pub(super) by_default: bool,
     /// The files it leaves.
@@ -52,6 +56,8 @@ impl Format {
         needs_cameras: false,
         states_source_lenses: false,
         needs_motion: false,
+        needs_gaussians: false,
+        needs_features: false,
         by_default: false,
         files: &[],
         disk: |_| 0,
@@ -189,6 +195,8 @@ settings! {
         pub followed: u64,
         /// Whether exports that can are to follow every pixel.
         pub all_pixels: bool,
+        /// Bytes of the encoder's features of all images.
+        pub feature_bytes: u64,
         /// Bytes of a saved field.
         pub field_bytes: u64,
     }

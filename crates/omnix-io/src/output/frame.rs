@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use omnix_geometry::GAUSSIAN_NUMBERS;
+
 use crate::IoError;
 use crate::preprocess::Framing;
 
@@ -32,8 +34,23 @@ pub struct FrameResult<'a> {
     pub intrinsics: Option<[[f32; 3]; 3]>,
     /// Pixels that are sky; no points are made of them.
     pub sky: Option<&'a [bool]>,
+    /// What a Gaussian head says of each pixel, [`omnix_geometry::GAUSSIAN_NUMBERS`] numbers.
+    pub gaussians: Option<&'a [f32]>,
+    /// What the encoder makes of its patches, after chosen blocks.
+    pub features: &'a [FeatureMap<'a>],
     /// The picture that it was made of; exports for other tools name it and state cameras at its size.
     pub source: Option<SourcePicture<'a>>,
+}
+
+/// What the encoder makes of an image's patches after one of its blocks, `[rows, columns, channels]`.
+#[derive(Debug, Clone, Copy)]
+pub struct FeatureMap<'a> {
+    /// The block, from 0.
+    pub block: usize,
+    /// Patch rows and columns.
+    pub grid: [usize; 2],
+    /// The numbers.
+    pub values: &'a [f32],
 }
 
 /// A picture or a video's frame as it was before it came to the network's size.
@@ -94,6 +111,11 @@ impl FrameResult<'_> {
             ("confidence", self.confidence.map_or(pixels, <[f32]>::len), pixels),
             ("picture", self.rgb.len(), 3 * pixels),
             ("sky", self.sky.map_or(pixels, <[bool]>::len), pixels),
+            (
+                "Gaussians",
+                self.gaussians.map_or(0, <[f32]>::len),
+                self.gaussians.map_or(0, |_| GAUSSIAN_NUMBERS * pixels),
+            ),
         ];
         for (what, found, expected) in lengths {
             if found != expected {

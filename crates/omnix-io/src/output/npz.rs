@@ -1,7 +1,8 @@
 //! `npz` and `mini_npz`: Depth Anything 3's result archives (`da3.md` section 15).
 //!
 //! Arrays over all S images: `image` u8 [S,H,W,3] (npz only), `depth` f32 [S,H,W] (rounded to 6 decimals, mini 8), `conf` f32
-//! [S,H,W] (2 decimals), `extrinsics` f32 [S,3,4] world-to-camera, `intrinsics` f32 [S,3,3]; absent ones are left out. Each array
+//! [S,H,W] (2 decimals), `extrinsics` f32 [S,3,4] world-to-camera, `intrinsics` f32 [S,3,3], and `sky` bool [S,H,W], which upstream
+//! leaves out; absent ones are left out. Each array
 //! is spooled to an unnamed file as images come and packed at the end, because its header states S. Archives above 4 GiB are
 //! zip64; arrays above 1 GiB are stored uncompressed, since packing them would take minutes (numpy reads both).
 //! Format of an array: NPY version 1.0, C order, little endian.
@@ -25,9 +26,9 @@ pub(super) const FULL: Format = Format {
     by_default: true,
     files: &[FileKind::one(
         "exports/npz/results.npz",
-        "image u8 [S,H,W,3], depth f32 [S,H,W] (6 decimals), conf f32 [S,H,W] (2 decimals), extrinsics f32 [S,3,4], intrinsics f32 [S,3,3]",
+        "image u8 [S,H,W,3], depth f32 [S,H,W] (6 decimals), conf f32 [S,H,W] (2 decimals), extrinsics f32 [S,3,4], intrinsics f32 [S,3,3], sky bool [S,H,W]; without those that the network does not make",
     )],
-    disk: |size| size.all().saturating_mul(11),
+    disk: |size| size.all().saturating_mul(12),
     frames: Some(|dir, _| Ok(Box::new(NpzSink::new(dir, Layout::Full)))),
     ..Format::NONE
 };
@@ -37,9 +38,9 @@ pub(super) const MINI: Format = Format {
     name: "mini_npz",
     files: &[FileKind::one(
         "exports/mini_npz/results.npz",
-        "depth f32 [S,H,W] (8 decimals), conf f32 [S,H,W] (2 decimals), extrinsics f32 [S,3,4], intrinsics f32 [S,3,3]",
+        "depth f32 [S,H,W] (8 decimals), conf f32 [S,H,W] (2 decimals), extrinsics f32 [S,3,4], intrinsics f32 [S,3,3], sky bool [S,H,W]; without those that the network does not make",
     )],
-    disk: |size| size.all().saturating_mul(8),
+    disk: |size| size.all().saturating_mul(9),
     frames: Some(|dir, _| Ok(Box::new(NpzSink::new(dir, Layout::Mini)))),
     ..Format::NONE
 };
@@ -130,8 +131,9 @@ impl Sink for NpzSink {
         let conf = frame.confidence.map(|c| little_endian(c.iter().map(|&v| rounded(v, 100.0))));
         let extrinsics = frame.extrinsics.map(|e| little_endian(e.into_iter().flatten()));
         let intrinsics = frame.intrinsics.map(|k| little_endian(k.into_iter().flatten()));
+        let sky: Option<Vec<u8>> = frame.sky.map(|sky| sky.iter().map(|s| u8::from(*s)).collect());
         let f32s = |name, shape, bytes| Part { name, dtype: "<f4", shape, bytes };
-        let mut parts = Vec::with_capacity(5);
+        let mut parts = Vec::with_capacity(6);
         if self.layout == Layout::Full {
             parts.push(Part { name: "image", dtype: "|u1", shape: vec![h, w, 3], bytes: frame.rgb });
         }
@@ -139,6 +141,7 @@ impl Sink for NpzSink {
         parts.extend(conf.as_deref().map(|bytes| f32s("conf", vec![h, w], bytes)));
         parts.extend(extrinsics.as_deref().map(|bytes| f32s("extrinsics", vec![3, 4], bytes)));
         parts.extend(intrinsics.as_deref().map(|bytes| f32s("intrinsics", vec![3, 3], bytes)));
+        parts.extend(sky.as_deref().map(|bytes| Part { name: "sky", dtype: "|b1", shape: vec![h, w], bytes }));
         if let Some(column) = self.columns.iter().find(|c| parts.iter().all(|p| p.name != c.name)) {
             return Err(IoError::MissingField { export, missing: column.name, index: frame.index });
         }

@@ -228,6 +228,8 @@ mod tests {
                 extrinsics: None,
                 intrinsics: None,
                 sky: None,
+                gaussians: None,
+                features: &[],
                 source: None,
             };
             sink.frame(&frame).unwrap();

@@ -4,12 +4,6 @@ use std::fmt;
 
 use omnix_graph::Value;
 use omnix_graph::ops::Strategy;
-use omnix_weights::Scope;
-
-/// Where the encoder's tensors are.
-pub(super) fn root() -> Scope {
-    Scope::root().pp("backbone.pretrained")
-}
 
 /// How the reference view is found among three or more views without given cameras (`spec/da3.md` section 5).
 /// OmniX's is always the first.
@@ -87,10 +81,11 @@ pub struct BackboneOutputs {
     pub images: Value,
     /// The input `camera_codes` `[S, 9]`, when cameras are given.
     pub camera_codes: Option<Value>,
-    /// `feat.0` to `feat.3`: `[S, P, 2C]`, views in their original order.
+    /// `feat.0` to `feat.3`: `[S, P, 2C]`, views in their original order; `[S, P, C]` where views do not see each other.
     pub features: [Value; 4],
-    /// `cam.pose_enc`: `[S, 9]`, camera-to-world translation, quaternion xyzw, vertical and horizontal field of view.
-    pub pose_codes: Value,
+    /// `cam.pose_enc`: `[S, 9]`, camera-to-world translation, quaternion xyzw, vertical and horizontal field of view; none of a
+    /// network without cameras.
+    pub pose_codes: Option<Value>,
     /// The reference view.
     pub reference: Reference,
     /// `out.aux.feat_layer_{i}`: `[S, gh, gw, C]` for each of the layers asked for, views in internal order.

@@ -3,15 +3,16 @@
 use omnix_geometry::codes::time_codes;
 use omnix_graph::ops::Piece;
 use omnix_graph::{Graph, GraphError, Value};
+use omnix_weights::Scope;
 
-use super::spec::{BackboneSpec, root};
+use super::spec::BackboneSpec;
 use crate::config::TimeConfig;
 use crate::layers::linear;
 
 /// Token 0 of view 0 becomes the reference's learnt token, of every other view the sources'.
-pub(super) fn learnt_cameras(g: &mut Graph, spec: &BackboneSpec, x: Value) -> Result<Value, GraphError> {
+pub(super) fn learnt_cameras(g: &mut Graph, at: &Scope, spec: &BackboneSpec, x: Value) -> Result<Value, GraphError> {
     let (s, c) = (spec.images, g.shape(x).width());
-    let learnt = g.parameter(&root().name("camera_token"), [1, 2, c]);
+    let learnt = g.parameter(&at.name("camera_token"), [1, 2, c]);
     let row = |start: usize, views: usize, first: usize| Piece {
         value: learnt,
         dims: vec![views, 1, c],
@@ -38,11 +39,17 @@ fn replaced(g: &mut Graph, spec: &BackboneSpec, x: Value, mut rows: Vec<Piece>) 
 }
 
 /// Every token of image s, token 0 included, gets `P_v code(video) + P_f code(frame)`.
-pub(super) fn add_times(g: &mut Graph, config: TimeConfig, spec: &BackboneSpec, x: Value) -> Result<Value, GraphError> {
+pub(super) fn add_times(
+    g: &mut Graph,
+    at: &Scope,
+    config: TimeConfig,
+    spec: &BackboneSpec,
+    x: Value,
+) -> Result<Value, GraphError> {
     let (s, tokens, c) = (spec.images, spec.tokens(), g.shape(x).width());
     let mut projected = |name: &str, layer: &str, places: Vec<f64>| {
         let code = g.constant(&format!("{name}.code"), [s, c], time_codes(&places, c, config.base));
-        let value = linear(g, &root().pp(layer), code, c)?;
+        let value = linear(g, &at.pp(layer), code, c)?;
         Ok::<_, GraphError>(g.name(value, name))
     };
     let videos = spec.times.iter().map(|t| f64::from(t.0)).collect();

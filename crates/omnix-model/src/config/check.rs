@@ -1,7 +1,7 @@
 //! Whether the numbers of a configuration go together, before anything is recorded.
 
 use super::need::{WIDEST, heads_fit};
-use super::{BackboneConfig, CameraEncoderConfig, Family, HeadConfig, NetworkConfig};
+use super::{BackboneConfig, CameraEncoderConfig, Family, GaussianConfig, HeadConfig, HeadKind, NetworkConfig};
 use crate::ModelError;
 use omnix_graph::ops::WIDEST_HEAD;
 
@@ -49,8 +49,14 @@ impl NetworkConfig {
         need(rising, "backbone.out_layers", &out_layers, format!("rising numbers of the {blocks} blocks are needed"))?;
         // Before it there is a block whose class tokens choose the reference, and one after the choice.
         let least = if self.family == Family::DepthAnything3 { 2 } else { 1 };
-        need((least..blocks).contains(&alternate_from), "backbone.alternate_from", &alternate_from, {
-            format!("it can be {least} to {}", blocks - 1)
+        if let Some(from) = alternate_from {
+            need((least..blocks).contains(&from), "backbone.alternate_from", &from, {
+                format!("it can be {least} to {}", blocks - 1)
+            })?;
+        }
+        let kinds = self.makes_cameras() == alternate_from.is_some();
+        need(kinds, "backbone.alternate_from", &alternate_from, {
+            "a block's number goes with a head that makes confidence and rays, none with one that makes sky".to_owned()
         })?;
         need(
             (1..=512).contains(&position_grid),
@@ -65,18 +71,20 @@ impl NetworkConfig {
             need(time.base > 1.0 && time.base.is_finite(), "backbone.time.base", &time.base, base_allowed())?;
             need(width.is_multiple_of(2), "backbone.embed_dim", &width, "time codes need an even number".to_owned())?;
         }
-        let HeadConfig { features, channels, aux_convs, logit_clamp } = self.head;
+        let HeadConfig { kind, features, channels, logit_clamp } = self.head;
         // Half of the features get a UV code, which has four parts.
-        let features_fit = (8..=WIDEST).contains(&features) && features.is_multiple_of(8);
-        need(features_fit, "depth_head.features", &features, "a multiple of 8 is needed".to_owned())?;
+        let features_fit = |f: usize| (8..=WIDEST).contains(&f) && f.is_multiple_of(8);
+        need(features_fit(features), "depth_head.features", &features, "a multiple of 8 is needed".to_owned())?;
         let fit = |c: &usize| (4..=WIDEST).contains(c) && c.is_multiple_of(4);
         need(channels.iter().all(fit), "depth_head.channels", &channels, "multiples of 4 are needed".to_owned())?;
-        need(
-            aux_convs % 2 == 1 && aux_convs <= 15,
-            "depth_head.aux_convs",
-            &aux_convs,
-            "it can be 1, 3, .. 15".to_owned(),
-        )?;
+        if let Some(GaussianConfig { features, channels }) = self.gaussians {
+            need(features_fit(features), "gs_head.features", &features, "a multiple of 8 is needed".to_owned())?;
+            need(channels.iter().all(fit), "gs_head.out_channels", &channels, "multiples of 4 are needed".to_owned())?;
+        }
+        if let HeadKind::Dual { aux_convs } = kind {
+            let fits = aux_convs % 2 == 1 && aux_convs <= 15;
+            need(fits, "depth_head.aux_convs", &aux_convs, "it can be 1, 3, .. 15".to_owned())?;
+        }
         if let Some(clamp) = logit_clamp {
             let fits = clamp > 0.0 && clamp.is_finite();
             need(fits, "depth_head.logit_clamp", &clamp, "a number above 0, or null for none, is needed".to_owned())?;
@@ -90,6 +98,6 @@ impl NetworkConfig {
         if let Some(trajectory) = &self.trajectory {
             super::trajectory::check::check(trajectory, self.backbone.feature_width(), &need)?;
         }
-        Ok(())
+        self.metric.as_ref().map_or(Ok(()), |metric| metric.check())
     }
 }

@@ -1,11 +1,17 @@
 //! The `config.json` published with Depth Anything 3 (`spec/da3.md` sections 1 and 12).
 //!
 //! `{"model_name": "da3-small", "config": {net, head, cam_enc, cam_dec, ..}}`: a known name decides, as upstream; else the
-//! tree is read. Files with only one of the two are accepted.
+//! tree is read. Files with only one of the two are accepted. Monocular and metric networks have the same tree and tensors: one
+//! whose name says `metric` is metric.
 
 use super::fields::Fields;
-use super::{BackboneConfig, CameraEncoderConfig, Family, FeedForward, HeadConfig, LeftOut, NetworkConfig, PointsFrom};
+use super::{
+    BackboneConfig, CameraEncoderConfig, DepthUnit, Family, FeedForward, GaussianConfig, HeadConfig, HeadKind,
+    NetworkConfig, PointsFrom,
+};
 use crate::ModelError;
+use omnix_geometry::GAUSSIAN_NUMBERS;
+use omnix_weights::{METRIC, Scope};
 
 /// Sides of the position table in all published files.
 const POSITION_GRID: usize = 37;
@@ -36,7 +42,7 @@ const ENCODERS: [Encoder; 4] = [
 pub(super) struct Published {
     encoder: usize,
     out_layers: [usize; 4],
-    alternate_from: usize,
+    alternate_from: Option<usize>,
     features: usize,
     channels: [usize; 4],
     gaussians: bool,
@@ -45,7 +51,7 @@ pub(super) struct Published {
 pub(super) const SMALL: Published = Published {
     encoder: 0,
     out_layers: [5, 7, 9, 11],
-    alternate_from: 4,
+    alternate_from: Some(4),
     features: 64,
     channels: [48, 96, 192, 384],
     gaussians: false,
@@ -54,23 +60,25 @@ pub(super) const BASE: Published = Published { encoder: 1, features: 128, channe
 pub(super) const LARGE: Published = Published {
     encoder: 2,
     out_layers: [11, 15, 19, 23],
-    alternate_from: 8,
+    alternate_from: Some(8),
     features: 256,
     channels: [256, 512, 1024, 1024],
     gaussians: false,
 };
 pub(super) const GIANT: Published =
-    Published { encoder: 3, out_layers: [19, 27, 33, 39], alternate_from: 13, gaussians: true, ..LARGE };
+    Published { encoder: 3, out_layers: [19, 27, 33, 39], alternate_from: Some(13), gaussians: true, ..LARGE };
+/// Monocular and metric.
+pub(super) const SINGLE: Published = Published { out_layers: [4, 11, 17, 23], alternate_from: None, ..LARGE };
 
-const BY_NAME: [(&str, &Published); 4] =
-    [("da3-small", &SMALL), ("da3-base", &BASE), ("da3-large", &LARGE), ("da3-giant", &GIANT)];
-
-/// Published networks of other kinds.
-const OTHERS: [(&str, &str); 3] = [
-    ("da3mono-large", "da3mono-large (a monocular network)"),
-    ("da3metric-large", "da3metric-large (a metric network)"),
-    ("da3nested-giant-large", "da3nested-giant-large (a nested network)"),
+const BY_NAME: [(&str, &Published); 6] = [
+    ("da3-small", &SMALL),
+    ("da3-base", &BASE),
+    ("da3-large", &LARGE),
+    ("da3-giant", &GIANT),
+    ("da3mono-large", &SINGLE),
+    ("da3metric-large", &SINGLE),
 ];
+const NESTED: &str = "da3nested-giant-large";
 
 /// A row of the table as a configuration.
 pub(super) fn published(name: &str, row: &Published) -> NetworkConfig {
@@ -84,13 +92,25 @@ pub(super) fn published(name: &str, row: &Published) -> NetworkConfig {
         position_grid: POSITION_GRID,
         out_layers: row.out_layers,
         alternate_from: start,
-        qk_norm_from: Some(start),
-        rope_from: Some(start),
+        qk_norm_from: start,
+        rope_from: start,
         rope_base: ROPE_BASE,
         time: None,
     };
-    let left_out = if row.gaussians { vec![LeftOut::GaussianHead] } else { Vec::new() };
-    assemble(name, backbone, row.features, row.channels, Some(CameraEncoderConfig::default()), left_out)
+    let gaussians = row.gaussians.then_some(GaussianConfig { features: row.features, channels: row.channels });
+    let encoder = start.map(|_| CameraEncoderConfig::default());
+    assemble(name, backbone, row.features, row.channels, encoder, gaussians)
+}
+
+/// da3nested-giant-large.
+pub(super) fn published_nested() -> NetworkConfig {
+    nested(NESTED, published("da3-giant", &GIANT), published("da3metric-large", &SINGLE))
+}
+
+/// An any-view network and the metric one beside it.
+fn nested(name: &str, any_view: NetworkConfig, metric: NetworkConfig) -> NetworkConfig {
+    let metric = NetworkConfig { at: Scope::root().pp(METRIC), unit: DepthUnit::Canonical, ..metric };
+    NetworkConfig { name: name.to_owned(), unit: DepthUnit::Metres, metric: Some(Box::new(metric)), ..any_view }
 }
 
 fn assemble(
@@ -99,18 +119,24 @@ fn assemble(
     features: usize,
     channels: [usize; 4],
     camera_encoder: Option<CameraEncoderConfig>,
-    left_out: Vec<LeftOut>,
+    gaussians: Option<GaussianConfig>,
 ) -> NetworkConfig {
+    let single = backbone.alternate_from.is_none();
+    let kind = if single { HeadKind::Sky } else { HeadKind::Dual { aux_convs: AUX_CONVS } };
+    let canonical = single && name.to_ascii_lowercase().contains("metric");
     NetworkConfig {
         name: name.to_owned(),
         family: Family::DepthAnything3,
         key_prefix: None,
+        at: Scope::root(),
         backbone,
-        head: HeadConfig { features, channels, aux_convs: AUX_CONVS, logit_clamp: None },
+        head: HeadConfig { kind, features, channels, logit_clamp: None },
         camera_encoder,
         points: PointsFrom::Camera,
         trajectory: None,
-        left_out,
+        unit: if canonical { DepthUnit::Canonical } else { DepthUnit::Own },
+        metric: None,
+        gaussians,
     }
 }
 
@@ -124,8 +150,8 @@ pub(super) fn read(root: &Fields<'_>) -> Result<NetworkConfig, ModelError> {
         if let Some((name, row)) = BY_NAME.iter().find(|(n, _)| *n == known) {
             return Ok(published(name, row));
         }
-        if let Some((_, what)) = OTHERS.iter().find(|(n, _)| *n == known) {
-            return Err(ModelError::Unsupported { what: (*what).to_owned() });
+        if known == NESTED {
+            return Ok(published_nested());
         }
     }
     let tree = match (root.get("config"), root.get("net").or(root.get("anyview"))) {
@@ -147,16 +173,31 @@ fn class<'a>(part: &Fields<'a>) -> Option<&'a str> {
 
 fn read_tree(name: &str, tree: &Fields<'_>) -> Result<NetworkConfig, ModelError> {
     if class(tree) == Some("NestedDepthAnything3Net") || tree.get("anyview").is_some() {
-        return Err(ModelError::Unsupported { what: format!("{name} (a nested network)") });
+        let part = |which: &str| read_single(&format!("{name} ({which})"), &tree.object(which)?);
+        let (any_view, metric) = (part("anyview")?, part("metric")?);
+        let kinds = [(&any_view, true, "anyview"), (&metric, false, "metric")];
+        if let Some((.., which)) = kinds.into_iter().find(|(part, cameras, _)| part.makes_cameras() != *cameras) {
+            return Err(tree.bad(which, "a nested network is an any-view network and a metric one"));
+        }
+        return Ok(nested(name, any_view, metric));
     }
+    read_single(name, tree)
+}
+
+/// A tree of one network.
+fn read_single(name: &str, tree: &Fields<'_>) -> Result<NetworkConfig, ModelError> {
     let net = tree.object("net")?;
     let head = tree.object("head")?;
-    let alternate = net.start("alt_start")?;
+    let alternate_from = net.start("alt_start")?;
+    let single = alternate_from.is_none();
     let concatenates = net.get("cat_token").is_none_or(|v| v.as_bool() == Some(true));
-    let single = class(&head) == Some("DPT") || !concatenates;
-    let (Some(alternate_from), false) = (alternate, single) else {
-        return Err(ModelError::Unsupported { what: format!("{name} (a monocular or metric network)") });
-    };
+    if concatenates == single {
+        let allowed = "it must be true where blocks alternate (net.alt_start), and false where they do not";
+        return Err(net.bad("cat_token", allowed));
+    }
+    if class(&head).is_some_and(|class| class != if single { "DPT" } else { "DualDPT" }) {
+        return Err(head.bad("__object__", "blocks that alternate (net.alt_start) go with DualDPT, others with DPT"));
+    }
     let (width, blocks, heads, ffn) = encoder(&net)?;
     let backbone = BackboneConfig {
         width,
@@ -171,20 +212,33 @@ fn read_tree(name: &str, tree: &Fields<'_>) -> Result<NetworkConfig, ModelError>
         rope_base: ROPE_BASE,
         time: None,
     };
-    let wide = 2 * width;
-    fixed(&head, "dim_in", wide, "twice the encoder's width")?;
-    fixed(&head, "output_dim", 2, "depth and confidence")?;
-    fixed(&tree.object("cam_dec")?, "dim_in", wide, "twice the encoder's width")?;
+    if single {
+        fixed(&head, "dim_in", width, "the encoder's width")?;
+        fixed(&head, "output_dim", 1, "depth")?;
+    } else {
+        let wide = 2 * width;
+        fixed(&head, "dim_in", wide, "twice the encoder's width")?;
+        fixed(&head, "output_dim", 2, "depth and confidence")?;
+        fixed(&tree.object("cam_dec")?, "dim_in", wide, "twice the encoder's width")?;
+    }
     let camera_encoder = match tree.get("cam_enc") {
-        Some(_) => {
+        Some(_) if !single => {
             fixed(&tree.object("cam_enc")?, "dim_out", width, "the encoder's width")?;
             Some(CameraEncoderConfig::default())
         }
-        None => None,
+        _ => None,
     };
-    let left_out = if tree.get("gs_head").is_some() { vec![LeftOut::GaussianHead] } else { Vec::new() };
+    let gaussians = match tree.get("gs_head") {
+        Some(_) if !single => {
+            let part = tree.object("gs_head")?;
+            fixed(&part, "dim_in", 2 * width, "twice the encoder's width")?;
+            fixed(&part, "output_dim", GAUSSIAN_NUMBERS, "the numbers of a Gaussian")?;
+            Some(GaussianConfig { features: part.whole("features")?, channels: part.four("out_channels")? })
+        }
+        _ => None,
+    };
     let (features, channels) = (head.whole("features")?, head.four("out_channels")?);
-    Ok(assemble(name, backbone, features, channels, camera_encoder, left_out))
+    Ok(assemble(name, backbone, features, channels, camera_encoder, gaussians))
 }
 
 /// Width, blocks, heads and feed-forward layer by `net.name`.

@@ -10,8 +10,7 @@ impl NetworkConfig {
     /// Reads a `config.json` of either format and checks every value.
     ///
     /// # Errors
-    /// [`ModelError::FieldMissing`] and [`ModelError::BadField`] name the field; [`ModelError::Unsupported`] a network of
-    /// another kind.
+    /// [`ModelError::FieldMissing`] and [`ModelError::BadField`] name the field.
     pub fn from_json(value: &Value) -> Result<Self, ModelError> {
         let root = Fields::root(value)?;
         let config = if root.get("format").is_some() { omnix::read(&root)? } else { da3::read(&root)? };
@@ -37,7 +36,19 @@ impl NetworkConfig {
         da3::published("da3-large", &da3::LARGE)
     }
 
-    /// da3-giant, without its Gaussian head.
+    /// da3metric-large; da3mono-large is the same with another unit.
+    #[must_use]
+    pub fn metric() -> Self {
+        da3::published("da3metric-large", &da3::SINGLE)
+    }
+
+    /// da3nested-giant-large: giant, and the metric network beside it.
+    #[must_use]
+    pub fn nested() -> Self {
+        da3::published_nested()
+    }
+
+    /// da3-giant.
     #[must_use]
     pub fn giant() -> Self {
         da3::published("da3-giant", &da3::GIANT)

@@ -1,8 +1,12 @@
 //! The format `omnix-1` (`spec/omnix.md` section 1.1); the trajectory's part is in [`super::trajectory`].
 
 use super::fields::Fields;
-use super::{BackboneConfig, Family, FeedForward, HeadConfig, NetworkConfig, PointsFrom, TimeConfig, trajectory};
+use super::{
+    BackboneConfig, DepthUnit, Family, FeedForward, HeadConfig, HeadKind, NetworkConfig, PointsFrom, TimeConfig,
+    trajectory,
+};
 use crate::{ModelError, PATCH};
+use omnix_weights::Scope;
 
 const FIELDS: [&str; 8] =
     ["format", "variant", "key_prefix", "name", "backbone", "depth_head", "points_from", "trajectory"];
@@ -44,12 +48,15 @@ pub(super) fn read(root: &Fields<'_>) -> Result<NetworkConfig, ModelError> {
         name: name.to_owned(),
         family: Family::OmniX,
         key_prefix,
+        at: Scope::root(),
         backbone: backbone(&root.object("backbone")?)?,
         head: head(&root.object("depth_head")?)?,
         camera_encoder: None,
         points,
         trajectory,
-        left_out: Vec::new(),
+        unit: DepthUnit::Own,
+        metric: None,
+        gaussians: None,
     })
 }
 
@@ -70,9 +77,10 @@ fn backbone(part: &Fields<'_>) -> Result<BackboneConfig, ModelError> {
         0 => FeedForward::Mlp { hidden },
         _ => FeedForward::swiglu(width, ratio),
     };
-    let Some(alternate_from) = part.start("alternate_from")? else {
+    let alternate_from = part.start("alternate_from")?;
+    if alternate_from.is_none() {
         return Err(part.bad("alternate_from", "a block's number is needed"));
-    };
+    }
     let time = match part.get("time") {
         Some(_) => {
             let time = part.object("time")?;
@@ -103,9 +111,9 @@ fn head(part: &Fields<'_>) -> Result<HeadConfig, ModelError> {
         None => None,
     };
     Ok(HeadConfig {
+        kind: HeadKind::Dual { aux_convs: part.whole("aux_convs")? },
         features: part.whole("features")?,
         channels: part.four("channels")?,
-        aux_convs: part.whole("aux_convs")?,
         logit_clamp,
     })
 }

@@ -30,7 +30,7 @@ impl Head {
                 _ => (g.shape(levels[k - 1])[1], g.shape(levels[k - 1])[2]),
             };
             let y = resize(g, y, rows, columns)?;
-            fused = Some(g.name(y, &format!("head.fuse{}{suffix}", k + 1)));
+            fused = Some(g.name(y, &format!("{}.fuse{}{suffix}", self.label, k + 1)));
         }
         Ok(fused.unwrap_or(levels[0]))
     }

@@ -1,10 +1,10 @@
-//! The two ends of the head (`spec/da3.md` section 6, steps 4 and 5; clamps: `spec/omnix.md` 4.1).
+//! The ends of the heads (`spec/da3.md` section 6, steps 4 and 5, and section 7; clamps: `spec/omnix.md` 4.1).
 
 use omnix_graph::ops::Unary;
 use omnix_graph::{Graph, GraphError, Value};
 
 use super::{Head, uv};
-use crate::layers::{conv3, layer_norm, pointwise_conv, relu};
+use crate::layers::{conv3, layer_norm, pointwise_conv, relu, resize};
 
 /// Channels before the last 1×1 convolutions.
 const HIDDEN: usize = 32;
@@ -16,13 +16,51 @@ pub(super) const RAY: usize = 6;
 impl Head {
     /// From the finest fused map to the picture's size, up to the last layer: `[frames, H, W, hidden]`.
     pub(crate) fn at_picture_size(&self, g: &mut Graph, fused: Value, hidden: usize) -> Result<Value, GraphError> {
+        let x = self.enlarged(g, fused)?;
+        self.last_but_one(g, "output_conv2", x, hidden)
+    }
+
+    /// The same without the two last layers: `[frames, H, W, F/2]`.
+    pub(crate) fn enlarged(&self, g: &mut Graph, fused: Value) -> Result<Value, GraphError> {
         let (at, half, [height, width]) = (self.at.pp("scratch"), self.features / 2, self.picture());
         let neck = conv3(g, &at.pp("output_conv1"), fused, half, 1)?;
-        g.name(neck, "head.neck");
-        let x = uv::coded(g, neck, (height, width), self.picture())?;
-        g.name(x, "head.main.in");
-        let x = conv3(g, &at.pp("output_conv2.0"), x, hidden, 1)?;
+        g.name(neck, &format!("{}.neck", self.label));
+        let x = match self.coded {
+            true => uv::coded(g, neck, (height, width), self.picture())?,
+            false => resize(g, neck, height, width)?,
+        };
+        Ok(g.name(x, &format!("{}.main.in", self.label)))
+    }
+
+    /// The first layer of the branch `branch`: `[frames, H, W, hidden]`.
+    pub(super) fn last_but_one(
+        &self,
+        g: &mut Graph,
+        branch: &str,
+        x: Value,
+        hidden: usize,
+    ) -> Result<Value, GraphError> {
+        let x = conv3(g, &self.at.pp("scratch").pp(branch).pp(0), x, hidden, 1)?;
         Ok(relu(g, x))
+    }
+
+    /// Outputs `depth` and `sky`, `[frames, H, W]`: one map at the picture's size, two branches.
+    pub(super) fn depth_and_sky(&self, g: &mut Graph, fused: Value) -> Result<(Value, Value), GraphError> {
+        let map = self.enlarged(g, fused)?;
+        let mut logits = |branch: &str, name: &str| {
+            let x = self.last_but_one(g, branch, map, HIDDEN)?;
+            let x = pointwise_conv(g, &self.at.pp("scratch").pp(branch).pp(2), x, 1)?;
+            Ok::<_, GraphError>(g.name(x, name))
+        };
+        let depth = logits("output_conv2", "head.main.logits")?;
+        let sky = logits("sky_output_conv2", "head.sky.logits")?;
+        let depth = self.exponential(g, depth, 0)?;
+        g.output(depth, "depth");
+        let shape = g.shape(depth).to_vec();
+        let sky = g.reshape(sky, shape.as_slice())?;
+        let sky = relu(g, sky);
+        g.output(sky, "sky");
+        Ok((depth, sky))
     }
 
     /// Outputs `depth` and `depth_conf`, `[frames, H, W]`.

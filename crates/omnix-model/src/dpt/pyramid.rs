@@ -21,21 +21,21 @@ impl Head {
                 2 => map,
                 _ => conv3(g, &resize, map, self.channels[k], 2)?,
             };
-            g.name(map, &format!("head.resized{k}"));
+            g.name(map, &format!("{}.resized{k}", self.label));
             let name = format!("layer{}_rn", k + 1);
             let map = conv3_plain(g, &self.at.pp("scratch").pp(name), map, self.features)?;
-            *level = g.name(map, &format!("head.rn{}", k + 1));
+            *level = g.name(map, &format!("{}.rn{}", self.label, k + 1));
         }
         Ok(levels)
     }
 
-    /// Norm, projection to the level's channels, UV code.
+    /// Norm, projection to the level's channels, UV code, as far as the head has them.
     fn projected(&self, g: &mut Graph, feature: Value, k: usize) -> Result<Value, GraphError> {
         let ((rows, columns), c) = (self.grid, self.channels[k]);
-        let normed = layer_norm(g, &self.at.pp("norm"), feature, NORM_EPS)?;
+        let normed = if self.norm { layer_norm(g, &self.at.pp("norm"), feature, NORM_EPS)? } else { feature };
         let map = pointwise_conv(g, &self.at.pp("projects").pp(k), normed, c)?;
-        g.name(map, &format!("head.proj{k}"));
+        g.name(map, &format!("{}.proj{k}", self.label));
         let map = g.reshape(map, [self.frames, rows, columns, c])?;
-        uv::coded(g, map, self.grid, self.picture())
+        if self.coded { uv::coded(g, map, self.grid, self.picture()) } else { Ok(map) }
     }
 }

@@ -39,7 +39,6 @@ pub(super) fn main_branch(
     last: [usize; 2],
 ) {
     let ([hidden, out], at) = (last, head.pp("scratch"));
-    list.layer(&head.pp("norm"), &[wide]);
     for (k, c) in channels.into_iter().enumerate() {
         list.layer(&head.pp("projects").pp(k), &[c, wide, 1, 1]);
         if let Some(side) = [Some(4), Some(2), None, Some(3)][k] {

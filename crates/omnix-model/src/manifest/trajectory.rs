@@ -93,6 +93,7 @@ fn scale(list: &mut List, config: &TrajectoryConfig, at: &Scope) {
 pub(super) fn sampling_head(list: &mut List, config: &TrajectoryConfig, wide: usize) {
     let SamplingConfig { features, channels, hidden, salient_max, .. } = config.head;
     let (at, levels, numbers) = (Scope::root().pp("offset_head"), config.levels(), config.field.channels());
+    list.layer(&at.pp("norm"), &[wide]);
     main_branch(list, &at, wide, features, channels, [hidden, 3 * config.samples() + 1]);
     list.layer(&at.pp("motion_proj"), &[wide, 2 * levels * numbers]);
     if salient_max {

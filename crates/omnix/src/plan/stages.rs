@@ -1,11 +1,13 @@
 //! What each stage holds, and how a budget is shared out among them.
 
+use omnix_geometry::{AlignTo, CAMERAS_UNIT, CANONICAL_UNIT, GAUSSIAN_NUMBERS, METRES, NETWORK_UNIT};
 use omnix_graph::graph::{Source, ValueInfo};
 use omnix_graph::{Graph, GraphError, Plan, PlanOptions};
 use omnix_kernels::{Caps, Tier};
-use omnix_model::{BackboneSpec, HeadSpec, MotionSpec, SamplingSpec};
+use omnix_model::config::{DepthUnit, NetworkConfig};
+use omnix_model::{BackboneSpec, HeadSpec, ModelError, MotionSpec, Network, Reference, SamplingSpec};
 
-use super::{MotionPlan, OVERHEAD, RunPlan};
+use super::{MetricPlan, MotionPlan, OVERHEAD, RunPlan, feature_name, host_bytes, image_bytes};
 use crate::error::OmnixError;
 use crate::field::{self, FieldShape};
 use crate::request::{FieldPlace, Request};
@@ -16,8 +18,9 @@ type Place<'a> = (&'a FieldShape, bool);
 
 /// Bytes of the backbone's results `kept` beside a plan that runs `runs` times: one that runs once has those that it reads as its inputs.
 fn held_features(plan: &Plan, runs: usize, kept: u64) -> u64 {
+    let kept_there = |name: &str| name.starts_with("feat.") || name == "pictures";
     let read = |(_, info): (_, &ValueInfo)| {
-        (matches!(info.source, Source::Input) && info.name.starts_with("feat.")).then(|| info.shape.bytes())
+        (matches!(info.source, Source::Input) && kept_there(&info.name)).then(|| info.shape.bytes())
     };
     let inputs: u64 = plan.graph.values().filter_map(read).sum();
     kept - if runs == 1 { inputs } else { 0 }
@@ -28,6 +31,19 @@ pub(super) fn head_held(head: &Plan, runs: usize, kept: u64, tokens: u64, field:
     let results: u64 = output_sizes(&head.graph).sum();
     let points = field.map_or(0, |(shape, resident)| if resident { shape.all_points() } else { 0 });
     held_features(head, runs, kept) + tokens + points + results
+}
+
+/// Bytes of staging for the encoder's features of the images that go through the head at a time.
+pub(super) fn staged_features(backbone: &Graph, head: &Plan, request: &Request) -> u64 {
+    let of = |block: &usize| backbone.find(&feature_name(*block)).map_or(0, |value| backbone.shape(value).bytes());
+    let all: u64 = request.features.iter().map(of).sum();
+    let frames = head.graph.find("feat.0").map_or(1, |value| head.graph.shape(value)[0]);
+    all / request.images as u64 * frames as u64
+}
+
+/// The same of the head of a metric network, beside the images that the other network is still to see.
+pub(super) fn metric_head_held(head: &Plan, runs: usize, kept: u64, images: u64) -> u64 {
+    head_held(head, runs, kept, 0, None) + images
 }
 
 /// Bytes that the module's stage holds beside its plan, of which features and tokens are inputs.
@@ -47,26 +63,81 @@ fn output_sizes(graph: &Graph) -> impl Iterator<Item = u64> + '_ {
     graph.outputs().iter().map(|v| graph.shape(*v).bytes())
 }
 
-/// The graph of the backbone.
-fn backbone(weights: &Weights, request: &Request) -> Result<Graph, OmnixError> {
-    let spec = BackboneSpec {
-        images: request.images,
-        grid: request.grid(),
-        reference: request.reference.unwrap_or_else(|| weights.network().default_reference()),
-        cameras_given: request.cameras.is_some(),
-        times: request.image_times(),
-        export_layers: Vec::new(),
-    };
-    let mut graph = Graph::new();
-    weights.network().backbone(&mut graph, &spec)?;
-    Ok(graph)
+/// A network's backbone and head before they are fitted.
+struct Geometry<'a> {
+    network: Network,
+    /// Whether it is the metric network of a nested one.
+    metric: bool,
+    request: &'a Request,
+    caps: &'a Caps,
+    options: PlanOptions,
+    graph: Graph,
+    /// The backbone's plan without a bound.
+    free: Plan,
+    /// Bytes of what the backbone makes.
+    kept: u64,
+    /// The view that is first inside, where the network does not choose it.
+    first_view: Option<usize>,
 }
 
-fn head(weights: &Weights, request: &Request, frames: usize) -> Result<Graph, OmnixError> {
-    let spec = HeadSpec { frames, grid: request.grid(), rays: request.rays, points: request.motion };
-    let mut graph = Graph::new();
-    weights.network().head(&mut graph, &spec)?;
-    Ok(graph)
+impl<'a> Geometry<'a> {
+    fn new(
+        network: Network,
+        metric: bool,
+        request: &'a Request,
+        caps: &'a Caps,
+        options: &PlanOptions,
+    ) -> Result<Self, OmnixError> {
+        let own = (network.default_reference(), false);
+        let (reference, cameras_given) = match metric {
+            true => own,
+            false => (request.reference.unwrap_or(own.0), request.feeds_cameras(network.config())),
+        };
+        let spec = BackboneSpec {
+            images: request.images,
+            grid: request.grid(),
+            reference,
+            cameras_given,
+            times: request.image_times(),
+            export_layers: if metric { Vec::new() } else { request.features.clone() },
+        };
+        let mut graph = Graph::new();
+        let first_view = match network.backbone(&mut graph, &spec)?.reference {
+            Reference::Known(view) => Some(view),
+            Reference::Selected(_) => None,
+        };
+        let free = Plan::new(&graph, caps, options)?;
+        let kept = output_sizes(&graph).sum();
+        Ok(Self { network, metric, request, caps, options: *options, graph, free, kept, first_view })
+    }
+
+    fn head(&self, frames: usize, streamed: bool) -> Result<Plan, OmnixError> {
+        let (rays, points) = (self.request.rays && !self.metric, self.request.motion && !self.metric);
+        let gaussians = self.request.gaussians && !self.metric;
+        let spec = HeadSpec { frames, grid: self.request.grid(), rays, points, gaussians };
+        let mut graph = Graph::new();
+        self.network.head(&mut graph, &spec)?;
+        Ok(Plan::new(&graph, self.caps, &self.options.parts(1).streamed(streamed))?)
+    }
+
+    /// Bytes of the weights of both.
+    fn weight_bytes(&self) -> Result<u64, OmnixError> {
+        Ok(self.free.weight_bytes() + self.head(1, false)?.weight_bytes())
+    }
+
+    /// The backbone within the budget.
+    fn plan_backbone(&self, budget: &mut Budget) -> Result<Option<Plan>, OmnixError> {
+        budget.plan_whole(&self.graph, self.caps, &self.options, &self.free, 0)
+    }
+
+    /// The metric network within the budget, with both networks' images on the device all the while.
+    fn plan_metric(&self, budget: &mut Budget, usual: usize) -> Result<Option<MetricPlan>, OmnixError> {
+        let backbone = self.plan_backbone(budget)?;
+        let held = |plan: &Plan, runs| metric_head_held(plan, runs, self.kept, image_bytes(self.request));
+        let head = budget.plan_chunked((self.request.head_images, usual), |f, s| self.head(f, s), held)?;
+        let (Some(backbone), Some((head, head_images))) = (backbone, head) else { return Ok(None) };
+        Ok(Some(MetricPlan { backbone, head, head_images, kept: self.kept }))
+    }
 }
 
 fn module(weights: &Weights, request: &Request) -> Result<Graph, OmnixError> {
@@ -173,6 +244,13 @@ impl RunPlan {
         if request.motion {
             field::motion_of(weights)?;
         }
+        let config = weights.network().config();
+        if request.feeds_cameras(config) {
+            request.check_given_cameras()?;
+        } else if request.cameras.is_some() && config.unit != DepthUnit::Canonical {
+            let cure = format!("{} makes depth without cameras or a unit; leave them out", config.name);
+            return Err(ModelError::Request { what: "given cameras".to_owned(), cure }.into());
+        }
         plan(weights, request, caps)
     }
 }
@@ -182,21 +260,24 @@ fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<RunPlan, Om
     let streamed = !request.keep_weights;
     let options = PlanOptions::default().storage(request.storage).parts(request.parts).streamed(streamed);
     let usual = if caps.tier == Tier::Gpu { 4 } else { 1 };
-    let plan_head =
-        |frames, streamed| Ok(Plan::new(&head(weights, request, frames)?, caps, &options.parts(1).streamed(streamed))?);
-
-    let backbone = backbone(weights, request)?;
-    let kept: u64 = output_sizes(&backbone).sum();
-    let free = Plan::new(&backbone, caps, &options)?;
+    let geometry = Geometry::new(weights.network().clone(), false, request, caps, &options)?;
+    let kept = geometry.kept;
+    let metric = weights.network().metric();
+    let metric = metric.map(|network| Geometry::new(network, true, request, caps, &options)).transpose()?;
     let motion = if request.motion { Some(Motion::new(weights, request, caps, &options)?) } else { None };
     let resting = if request.keep_weights {
         let motion = motion.as_ref().map_or(0, |m| m.module.weight_bytes() + m.sampling.weight_bytes());
-        Some(free.weight_bytes() + plan_head(1, false)?.weight_bytes() + motion)
+        let metric = metric.as_ref().map_or(Ok(0), Geometry::weight_bytes)?;
+        Some(geometry.weight_bytes()? + metric + motion)
     } else {
         None
     };
     let mut budget = Budget { bytes: request.budget, resting, images: request.images, least: 0 };
-    let planned = budget.plan_whole(&backbone, caps, &options, &free, 0)?;
+    let planned = geometry.plan_backbone(&mut budget)?;
+    let metric_plan = match &metric {
+        Some(metric) => metric.plan_metric(&mut budget, usual)?,
+        None => None,
+    };
     let tokens = motion.as_ref().map_or(0, |m| m.token_bytes);
     // On the device if that fits; else in a file, where less may fit.
     let places: &[bool] = match (&motion, &request.field) {
@@ -210,21 +291,41 @@ fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<RunPlan, Om
         #[cfg(not(feature = "io"))]
         (Some(_), FieldPlace::Auto) => &[true],
     };
-    let before = budget.least;
+    let least = budget.least;
     for &resident in places {
-        budget.least = before;
+        budget.least = least;
         let place = motion.as_ref().map(|m| (&m.shape, resident));
-        let held = |plan: &Plan, runs| head_held(plan, runs, kept, tokens, place);
-        let head = budget.plan_chunked((request.head_images, usual), plan_head, held)?;
+        let images = if request.gaussians { image_bytes(request) } else { 0 };
+        let held = |plan: &Plan, runs| {
+            let staged = staged_features(&geometry.graph, plan, request);
+            head_held(plan, runs, kept + images, tokens, place) + staged
+        };
+        let head = budget.plan_chunked((request.head_images, usual), |f, s| geometry.head(f, s), held)?;
         let moving = match &motion {
             Some(motion) => motion.plan(&mut budget, kept, resident, usual)?,
             None => None,
         };
         if let (Some(backbone), Some((head, head_images))) = (&planned, head)
             && moving.is_some() == motion.is_some()
+            && metric_plan.is_some() == metric.is_some()
         {
             let (request, backbone) = (request.clone(), backbone.clone());
-            return Ok(RunPlan { request, backbone, head, head_images, motion: moving, kept });
+            let waiting = waiting(weights.network(), &request);
+            let unit = unit(weights.network().config(), &request);
+            let (metric, motion) = (metric_plan, moving);
+            let first_view = geometry.first_view;
+            return Ok(RunPlan {
+                request,
+                metric,
+                backbone,
+                head,
+                head_images,
+                motion,
+                kept,
+                waiting,
+                unit,
+                first_view,
+            });
         }
     }
     Err(OmnixError::Budget {
@@ -232,6 +333,37 @@ fn plan(weights: &Weights, request: &Request, caps: &Caps) -> Result<RunPlan, Om
         least: budget.least,
         hint: "fewer or smaller images take less, and so do weights stored as f16 or i8",
     })
+}
+
+/// Unit of length of the results of a run.
+fn unit(config: &NetworkConfig, request: &Request) -> &'static str {
+    match (config.unit, request.cameras.is_some()) {
+        (_, true) if config.makes_cameras() && request.align == AlignTo::Given => CAMERAS_UNIT,
+        (DepthUnit::Canonical, true) | (DepthUnit::Metres, _) => METRES,
+        (DepthUnit::Canonical, false) => CANONICAL_UNIT,
+        (DepthUnit::Own, _) => NETWORK_UNIT,
+    }
+}
+
+impl RunPlan {
+    /// [`RunPlan::host_bytes`] of a run that is not planned yet.
+    #[must_use]
+    pub fn host_bytes_of(weights: &Weights, request: &Request) -> u64 {
+        host_bytes(request, waiting(weights.network(), request))
+    }
+}
+
+/// Numbers of a pixel, and of a cell of the ray maps, that wait on the host: depth and sky, or both networks' depth, sky and
+/// confidence.
+fn waiting(network: &Network, request: &Request) -> [u64; 2] {
+    let config = network.config();
+    match (config.makes_sky(), config.metric.is_some()) {
+        (false, _) => [0, 0],
+        (true, false) => [2, 0],
+        (true, true) => {
+            [4 + if request.gaussians { GAUSSIAN_NUMBERS as u64 } else { 0 }, if request.rays { 7 } else { 0 }]
+        }
+    }
 }
 
 /// The stages of motion before they are fitted.

@@ -16,6 +16,8 @@ pub struct PlanSummary {
     pub tokens: usize,
     /// Bytes of device memory at the peak.
     pub peak_bytes: u64,
+    /// Bytes of host memory for maps that wait until all images are done.
+    pub host_bytes: u64,
     /// Bytes of all weights.
     pub weight_bytes: u64,
     /// Operations of the whole run (a multiply-add is two).
@@ -29,7 +31,7 @@ pub struct PlanSummary {
 /// One stage of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct StageSummary {
-    /// backbone, head, motion, sampling, evaluation.
+    /// metric backbone, metric head, backbone, head, motion, sampling, evaluation.
     pub name: &'static str,
     /// Bytes of device memory while it runs.
     pub bytes: u64,
@@ -78,13 +80,21 @@ impl RunPlan {
                 chunk_rows,
             }
         };
-        let mut stages = vec![stage("backbone", &self.backbone, 0, images)];
+        let mut stages = Vec::new();
+        if let Some(metric) = &self.metric {
+            let held =
+                stages::metric_head_held(&metric.head, metric.head_runs(images), metric.kept, self.shared_images());
+            stages.push(stage("metric backbone", &metric.backbone, 0, images));
+            stages.push(stage("metric head", &metric.head, held, metric.head_images));
+        }
+        stages.push(stage("backbone", &self.backbone, 0, images));
         let field = self.motion.as_ref().map(|m| (&m.shape, m.resident));
         let tokens = self.motion.as_ref().map_or(0, |m| m.token_bytes);
         stages.push(stage(
             "head",
             &self.head,
-            stages::head_held(&self.head, self.head_runs(), self.kept, tokens, field),
+            stages::head_held(&self.head, self.head_runs(), self.kept + self.head_images_held(), tokens, field)
+                + stages::staged_features(&self.backbone.graph, &self.head, &self.request),
             self.head_images,
         ));
         if let Some(motion) = &self.motion {
@@ -116,6 +126,7 @@ impl RunPlan {
             image_size: [self.request.height, self.request.width],
             tokens: self.request.images * (gh * gw + 1),
             peak_bytes: self.peak_bytes(),
+            host_bytes: self.host_bytes(),
             weight_bytes: self.weight_bytes(),
             flops: self.flops(),
             stages: self.stages(),

@@ -1,20 +1,24 @@
 //! The stages that make geometry: the backbone over all images, then the head a few images at a time.
 
 use omnix_geometry::{Camera, agreement, align_cameras, decode_pose_code, encode_pose_code, normalise_extrinsics};
+use omnix_kernels::readback::read_async;
 
 use super::Session;
-use super::handover::{BackboneResults, fill, inputs, part};
+use super::handover::{BackboneResults, fill, inputs, part, places};
 use super::motion::FieldBuilder;
 use super::on_device::{OnDevice, PhasePart};
 use super::readback::Results;
 use crate::error::OmnixError;
 use crate::event::{Event, Listener, Phase, ResidentGeometry};
+use crate::plan::feature_name;
 
 impl Session {
     /// Features on the device and cameras.
     pub(super) async fn run_backbone(&mut self, listener: Listener<'_>) -> Result<BackboneResults, OmnixError> {
         let (height, width) = (self.plan.request.height as u32, self.plan.request.width as u32);
-        let given = self.plan.request.cameras.clone();
+        let config = self.weights.checkpoint().network().config();
+        let (feeds, predicts) = (self.plan.request.feeds_cameras(config), config.makes_cameras());
+        let given = self.plan.request.cameras.clone().filter(|_| feeds);
         if let Some(given) = &given {
             let poses: Vec<_> = given.iter().map(|c| c.extrinsics).collect();
             let normalised = normalise_extrinsics(&poses)?;
@@ -22,30 +26,48 @@ impl Session {
             let codes: Vec<f32> = cameras.flat_map(|c| encode_pose_code(&c, height, width)).collect();
             self.backbone().await?.write("camera_codes", &codes)?;
         }
+        let (blocks, images, gpu) =
+            (self.plan.request.features.clone(), self.plan.request.images, self.engine.gpu().clone());
+        let first_view = self.plan.first_view.or_else(|| blocks.is_empty().then_some(0));
         let backbone = self.backbone().await?;
         let whole = PhasePart { phase: Phase::Backbone, before: 0, total: backbone.plan().flops() };
         backbone.run(whole, listener).await?;
-        let codes = backbone.read_async("cam.pose_enc").await?;
+        let codes = if predicts { backbone.read_async("cam.pose_enc").await? } else { Vec::new() };
         let predicted =
             codes.chunks_exact(9).map(|code| decode_pose_code(std::array::from_fn(|i| code[i]), height, width));
-        let mut cameras: Vec<Camera> = predicted.collect();
+        let cameras: Vec<Camera> = predicted.collect();
         let features = (0..4).map(|k| backbone.slice(&format!("feat.{k}"))).collect::<Result<Vec<_>, _>>()?;
+        let export = |block: &usize| Ok((*block, backbone.slice(&feature_name(*block))?));
+        let exports = blocks.iter().map(export).collect::<Result<Vec<_>, OmnixError>>()?;
+        let first = match first_view {
+            Some(view) => view,
+            None => read_async::<u32>(&gpu, &backbone.slice("ref.index")?).await?[0] as usize,
+        };
+        let places = places(images, first);
         // The arena goes back, and the images with it; the features' own buffers live on in the slices.
         self.backbone = None;
         self.written.fill(false);
-        let mut depth_scale = 1.0;
-        if let Some(given) = given {
-            let poses = |cameras: &[Camera]| cameras.iter().map(|c| c.extrinsics).collect::<Vec<_>>();
-            let aligned = align_cameras(&poses(&given), &poses(&cameras), self.plan.request.align)?;
-            if let Some(agreement) = agreement(&poses(&given), &poses(&cameras), &aligned.similarity) {
-                listener(Event::Agreement(agreement))?;
-            }
-            depth_scale = (1.0 / aligned.depth_divisor) as f32;
-            for ((camera, given), extrinsics) in cameras.iter_mut().zip(&given).zip(aligned.extrinsics) {
-                *camera = Camera { extrinsics, intrinsics: given.intrinsics };
-            }
+        // A head that makes Gaussians looks at them again.
+        let pictures = self.shared.take().filter(|_| self.plan.request.gaussians);
+        Ok(BackboneResults { features, pictures, exports, places, cameras, depth_scale: 1.0 })
+    }
+
+    /// Brings predicted cameras and known ones together, where some are given.
+    pub(super) fn align(&self, made: &mut BackboneResults, listener: Listener<'_>) -> Result<(), OmnixError> {
+        let config = self.weights.checkpoint().network().config();
+        let Some(given) = self.plan.request.cameras.as_ref().filter(|_| self.plan.request.feeds_cameras(config)) else {
+            return Ok(());
+        };
+        let poses = |cameras: &[Camera]| cameras.iter().map(|c| c.extrinsics).collect::<Vec<_>>();
+        let aligned = align_cameras(&poses(given), &poses(&made.cameras), self.plan.request.align)?;
+        if let Some(agreement) = agreement(&poses(given), &poses(&made.cameras), &aligned.similarity) {
+            listener(Event::Agreement(agreement))?;
         }
-        Ok(BackboneResults { features, cameras, depth_scale })
+        made.depth_scale = (1.0 / aligned.depth_divisor) as f32;
+        for ((camera, given), extrinsics) in made.cameras.iter_mut().zip(given).zip(aligned.extrinsics) {
+            *camera = Camera { extrinsics, intrinsics: given.intrinsics };
+        }
+        Ok(())
     }
 
     /// Each image's geometry to `results`, and what motion needs of it to `motion`.
@@ -58,13 +80,14 @@ impl Session {
     ) -> Result<(), OmnixError> {
         let (images, step) = (self.plan.request.images, self.plan.head_images);
         let runs = self.plan.head_runs();
-        let bindings = inputs(&made.features, runs);
+        let bindings = inputs(&made.features, made.pictures.as_ref(), runs);
         let head = self.weights.stage(&self.plan.head, &bindings, listener).await?;
         let total = self.plan.head_flops();
         for first in (0..images).step_by(step) {
             let count = step.min(images - first);
             if runs > 1 {
-                fill(self.engine.gpu(), &head, &made.features, (first, count, images))?;
+                let seen = (&made.features[..], made.pictures.as_ref());
+                fill(self.engine.gpu(), &head, seen, (first, count, images))?;
             }
             if let Some(motion) = &motion {
                 motion.fill_head(&head, &made.cameras, first, count)?;
@@ -80,10 +103,13 @@ impl Session {
                 let geometry = ResidentGeometry {
                     index: first + i,
                     depth: part("depth")?,
-                    confidence: part("depth_conf")?,
-                    camera: made.cameras[first + i],
+                    confidence: Some(part("depth_conf")?),
+                    sky: None,
+                    camera: Some(made.cameras[first + i]),
                     depth_scale: made.depth_scale,
                     rays,
+                    features: made.exports_of(first + i),
+                    gaussians: if self.plan.request.gaussians { Some(part("gaussians")?) } else { None },
                     points: motion.as_ref().map(|_| part("points")).transpose()?,
                 };
                 results.done(geometry, listener).await?;

@@ -1,6 +1,6 @@
 //! The stages that make a field: the trajectory module over all images, then the sampling head a few images at a time.
 
-use omnix_geometry::{Camera, NETWORK_UNIT, corner_rays};
+use omnix_geometry::{Camera, corner_rays};
 use omnix_graph::Tensors;
 use omnix_graph::ops::Motion;
 use omnix_kernels::readback::read_async;
@@ -109,7 +109,7 @@ impl Session {
         let about = About {
             network: weights.network().config().name.clone(),
             weights: weights.checkpoint().name().to_owned(),
-            unit: NETWORK_UNIT.to_owned(),
+            unit: self.plan.unit().to_owned(),
             note: weights.note().map(str::to_owned),
         };
         let room = self.plan.evaluation_room();
@@ -131,7 +131,7 @@ impl Session {
         listener: Listener<'_>,
     ) -> Result<(), OmnixError> {
         let Some(plan) = &self.plan.motion else { return Ok(()) };
-        let mut bindings = inputs(&kept.features, 1);
+        let mut bindings = inputs(&kept.features, None, 1);
         bindings.extend(making.tokens.take().map(|tokens| (TOKENS.to_owned(), tokens)));
         let module = self.weights.stage(&plan.module, &bindings, listener).await?;
         let whole = PhasePart { phase: Phase::Motion, before: 0, total: module.plan().flops() };
@@ -157,7 +157,7 @@ impl Session {
         let (images, step) = (self.plan.request.images, plan.sampling_images);
         let gpu = self.engine.gpu();
         let runs = plan.sampling_runs();
-        let bindings = inputs(&kept.features, runs);
+        let bindings = inputs(&kept.features, None, runs);
         let sampling = self.weights.stage(&plan.sampling, &bindings, listener).await?;
         let flops = sampling.plan().flops();
         let total = flops * runs as u64;
@@ -165,7 +165,7 @@ impl Session {
         for first in (0..images).step_by(step) {
             let count = step.min(images - first);
             if runs > 1 {
-                fill(gpu, &sampling, &kept.features, (first, count, images))?;
+                fill(gpu, &sampling, (&kept.features[..], None), (first, count, images))?;
             }
             for i in 0..count {
                 for which in [Part::Field, Part::Mask] {

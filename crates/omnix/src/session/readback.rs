@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use omnix_geometry::Camera;
+use omnix_geometry::{Camera, GAUSSIAN_DEPTH_SHIFT, GAUSSIAN_NUMBERS};
 use omnix_kernels::readback::Readback;
 use omnix_kernels::{BufferSlice, Gpu};
 
@@ -56,10 +56,20 @@ pub(super) struct Readbacks {
 struct Copied {
     index: usize,
     depth: Readback,
-    confidence: Readback,
-    camera: Camera,
+    confidence: Option<Readback>,
+    camera: Option<Camera>,
     depth_scale: f32,
     rays: Option<(Readback, Readback)>,
+    gaussians: Option<Readback>,
+    features: Vec<(usize, Readback)>,
+}
+
+/// The numbers of Gaussians where depth is scaled: so is the shift of each pixel's depth.
+pub(super) fn scaled_gaussians(mut numbers: Vec<f32>, scale: f32) -> Vec<f32> {
+    for pixel in numbers.chunks_exact_mut(GAUSSIAN_NUMBERS) {
+        pixel[GAUSSIAN_DEPTH_SHIFT] *= scale;
+    }
+    numbers
 }
 
 impl Readbacks {
@@ -74,12 +84,26 @@ impl Readbacks {
             Some((ray, conf)) => Some((read(ray).await?, read(conf).await?)),
             None => None,
         };
+        let gaussians = match image.gaussians {
+            Some(numbers) => Some(read(numbers).await?),
+            None => None,
+        };
+        let mut features = Vec::with_capacity(image.features.len());
+        for (block, copy) in image.features {
+            features.push((block, read(copy).await?));
+        }
         listener(Event::Frame(FrameGeometry {
             index: image.index,
             depth: read(image.depth).await?.into_iter().map(|d| d * image.depth_scale).collect(),
-            confidence: read(image.confidence).await?,
+            confidence: match image.confidence {
+                Some(confidence) => Some(read(confidence).await?),
+                None => None,
+            },
+            sky: None,
             camera: image.camera,
             rays,
+            gaussians: gaussians.map(|numbers| scaled_gaussians(numbers, image.depth_scale)),
+            features,
         }))
     }
 
@@ -92,10 +116,16 @@ impl Readbacks {
         self.waiting.push_back(Copied {
             index: image.index,
             depth: copy(&image.depth)?,
-            confidence: copy(&image.confidence)?,
+            confidence: image.confidence.as_ref().map(copy).transpose()?,
             camera: image.camera,
             depth_scale: image.depth_scale,
             rays: rays.transpose()?,
+            gaussians: image.gaussians.as_ref().map(copy).transpose()?,
+            features: image
+                .features
+                .iter()
+                .map(|(block, all)| Ok((*block, copy(all)?)))
+                .collect::<Result<_, OmnixError>>()?,
         });
         Ok(())
     }

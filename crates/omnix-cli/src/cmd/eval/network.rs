@@ -66,7 +66,7 @@ pub(crate) fn evaluate(args: &NetworkArgs, ui: &mut Ui) -> Result<Report, CliErr
         }
     };
     let count = count.min(args.samples.unwrap_or(u64::MAX));
-    let mut runner = Runner::open(&args.weights, Some(args.size), &args.device)?;
+    let mut runner = Runner::open(&args.weights, Some(args.size), &args.device, true)?;
     let mut figures = Figures::default();
     ui.begin("network", &format!("{count} sample(s) of {}x{}", size[0], size[1]));
     for number in 0..count {

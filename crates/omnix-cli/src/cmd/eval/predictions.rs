@@ -74,7 +74,7 @@ impl Predictions {
         ui: &mut Ui,
         evaluate: impl FnOnce(&mut dyn Network, &mut Progress<'_>) -> Result<Report, EvalError>,
     ) -> Result<Report, CliError> {
-        let mut runner = Runner::open(&self.weights, self.size, &self.device)?;
+        let mut runner = Runner::open(&self.weights, self.size, &self.device, kind != "depth")?;
         ui.begin(kind, &format!("{} over {}", self.weights, self.place_of_data().display()));
         let report = evaluate(&mut runner, &mut |done, of| ui.progress(done, of));
         ui.end();

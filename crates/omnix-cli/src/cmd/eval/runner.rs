@@ -23,9 +23,22 @@ pub(super) struct Runner {
 }
 
 impl Runner {
-    /// Opens a device and finds the weights.
-    pub(super) fn open(weights: &str, size: Option<(u32, u32)>, device: &DeviceArgs) -> Result<Self, CliError> {
-        let (engine, found) = (device.open()?, Weights::find(weights)?);
+    /// Finds the weights and opens a device. `cameras`: whether the network's cameras are judged, which not every network makes.
+    pub(super) fn open(
+        weights: &str,
+        size: Option<(u32, u32)>,
+        device: &DeviceArgs,
+        cameras: bool,
+    ) -> Result<Self, CliError> {
+        let found = Weights::find(weights)?;
+        let config = found.network().config();
+        if cameras && !config.makes_cameras() {
+            return Err(CliError::Usage(format!(
+                "{} makes no cameras, which are judged here: take an any-view network, or judge depth by `omnix eval depth`",
+                config.name
+            )));
+        }
+        let engine = device.open()?;
         Ok(Self { name: weights.to_owned(), size, engine, weights: found, ready: None, field: None })
     }
 
@@ -45,7 +58,7 @@ impl Runner {
             match event {
                 Event::Frame(frame) => {
                     depth[frame.index * pixels..(frame.index + 1) * pixels].copy_from_slice(&frame.depth);
-                    cameras.push(frame.camera);
+                    cameras.extend(frame.camera);
                 }
                 Event::Field(made) => field = Some(made),
                 _ => {}

@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use omnix::geometry::{Agreement, RayMaps, cameras_from_rays, sample_table};
-use omnix::io::output::SourcePicture;
+use omnix::geometry::{Agreement, RayMaps, SKY, cameras_from_rays, sample_table};
+use omnix::io::output::{FeatureMap, SourcePicture};
 use omnix::io::preprocess::exported_picture;
 use omnix::io::{FrameLoader, FrameResult, Picture, Stop};
 use omnix::{Camera, Event, Field, OmnixError, Phase, Session};
@@ -88,6 +88,13 @@ impl Run<'_> {
                     return stop::answer();
                 }
                 Event::Frame(geometry) => geometry,
+                Event::MetricScale(metres) => {
+                    ui.event("metric_scale", json!({ "metres": metres }));
+                    ui.say(&format!(
+                        "a unit of the any-view network is {metres:.3} metres, as the metric network sees it"
+                    ));
+                    return Ok(());
+                }
                 Event::Agreement(agreement) => {
                     tell_agreement(&agreement, ui);
                     return Ok(());
@@ -101,10 +108,14 @@ impl Run<'_> {
             let index = geometry.index;
             let camera = match (&geometry.rays, &table) {
                 (Some((rays, confidence)), Some(table)) => {
-                    camera_of_rays(&RayMaps { rays, confidence, size: rays_size }, image, table)?
+                    Some(camera_of_rays(&RayMaps { rays, confidence, size: rays_size }, image, table)?)
                 }
                 _ => geometry.camera,
             };
+            let sky = geometry.sky.as_ref().map(|sky| sky.iter().map(|s| *s >= SKY).collect::<Vec<bool>>());
+            let maps = geometry.features.iter();
+            let features: Vec<FeatureMap<'_>> =
+                maps.map(|(block, values)| FeatureMap { block: *block, grid: [gh, gw], values }).collect();
             let rgb = exported_picture(&pictures[index]);
             let frame = &frames[index];
             let result = FrameResult {
@@ -115,11 +126,13 @@ impl Run<'_> {
                 width: image[1],
                 height: image[0],
                 depth: &geometry.depth,
-                confidence: Some(&geometry.confidence),
+                confidence: geometry.confidence.as_deref(),
                 rgb: &rgb.data,
-                extrinsics: Some(camera.extrinsics),
-                intrinsics: Some(camera.intrinsics),
-                sky: None,
+                extrinsics: camera.map(|camera| camera.extrinsics),
+                intrinsics: camera.map(|camera| camera.intrinsics),
+                sky: sky.as_deref(),
+                gaussians: geometry.gaussians.as_deref(),
+                features: &features,
                 source: Some(SourcePicture {
                     name: &names[index],
                     size: [frame.width, frame.height],
@@ -129,7 +142,7 @@ impl Run<'_> {
             for sink in sinks.iter_mut() {
                 sink.frame(&result)?;
             }
-            cameras.push(camera);
+            cameras.extend(camera);
             *finished = index + 1;
             let (min, max) = range(&geometry.depth);
             let fields = json!({
@@ -149,6 +162,7 @@ impl Run<'_> {
 fn said(phase: Phase) -> (&'static str, &'static str) {
     match phase {
         Phase::Weights => ("weights", "reading weights"),
+        Phase::Metric => ("metric", "the metric network over all images"),
         Phase::Backbone => ("backbone", "network over all images"),
         Phase::Head => ("head", "depth, image by image"),
         Phase::Motion => ("motion", "what moves, over all images"),

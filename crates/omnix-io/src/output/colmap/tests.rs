@@ -53,6 +53,8 @@ fn write(dir: &Path, images: usize) {
             extrinsics: Some(pose(index)),
             intrinsics: Some(INTRINSICS),
             sky: None,
+            gaussians: None,
+            features: &[],
             source: Some(SourcePicture { name: &name, size: [448, 224], framing }),
         };
         sinks.iter_mut().for_each(|sink| sink.frame(&result).unwrap());
