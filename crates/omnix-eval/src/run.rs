@@ -50,7 +50,7 @@ pub struct Clip {
 pub struct Seen {
     /// `[T][H][W]` z-depth.
     pub depth: Vec<f32>,
-    /// `[T]`, world-to-camera, in the unit of depth; intrinsics in pixels of the clip.
+    /// `[T]`, world-to-camera, in the unit of depth; intrinsics in pixels of the clip. None of a network that makes no cameras.
     pub cameras: Vec<Camera>,
 }
 
