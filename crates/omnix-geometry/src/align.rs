@@ -28,6 +28,28 @@ pub struct Similarity {
 }
 
 impl Similarity {
+    /// Maps every point to itself.
+    pub const IDENTITY: Self =
+        Self { scale: 1.0, rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], translation: [0.0; 3] };
+
+    /// This similarity after `first`.
+    #[must_use]
+    pub fn after(&self, first: &Self) -> Self {
+        Self {
+            scale: self.scale * first.scale,
+            rotation: rows(self.matrix() * first.matrix()),
+            translation: self.map(DVec3::from(first.translation)).to_array(),
+        }
+    }
+
+    /// The way back.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let (scale, rotation) = (1.0 / self.scale, self.matrix().transpose());
+        let translation = (rotation * DVec3::from(self.translation) * -scale).to_array();
+        Self { scale, rotation: rows(rotation), translation }
+    }
+
     /// Maps a point.
     #[must_use]
     pub fn apply(&self, point: [f32; 3]) -> [f32; 3] {
@@ -49,6 +71,11 @@ impl Similarity {
     fn matrix(&self) -> DMat3 {
         DMat3::from_cols_array_2d(&self.rotation).transpose()
     }
+}
+
+/// The rows of a matrix.
+fn rows(matrix: DMat3) -> [[f64; 3]; 3] {
+    matrix.transpose().to_cols_array_2d()
 }
 
 /// Which frame and scale the cameras and depths of a result are in when cameras were given.
@@ -213,7 +240,7 @@ fn ransac(x: &[[f64; 3]], y: &[[f64; 3]]) -> Result<Similarity, GeometryError> {
 }
 
 /// The mean of the two middle values of an even number, as NumPy's.
-fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();
     (values[(n - 1) / 2] + values[n / 2]) / 2.0
@@ -231,14 +258,14 @@ fn centres(w2c: &[Pose]) -> Result<Vec<[f64; 3]>, GeometryError> {
     w2c.iter().enumerate().map(centre).collect()
 }
 
-fn vector(v: DVec3) -> nalgebra::Vector3<f64> {
+pub(crate) fn vector(v: DVec3) -> nalgebra::Vector3<f64> {
     nalgebra::Vector3::new(v.x, v.y, v.z)
 }
 
-type Svd3 = (NMatrix3<f64>, nalgebra::Vector3<f64>, NMatrix3<f64>);
+pub(crate) type Svd3 = (NMatrix3<f64>, nalgebra::Vector3<f64>, NMatrix3<f64>);
 
 /// U, descending singular values, V^T; none for a matrix that is not finite.
-fn svd(matrix: NMatrix3<f64>) -> Option<Svd3> {
+pub(crate) fn svd(matrix: NMatrix3<f64>) -> Option<Svd3> {
     if !matrix.iter().all(|v| v.is_finite()) {
         return None;
     }
@@ -275,6 +302,17 @@ mod tests {
                 assert!((a - b).abs() < 1e-5, "{n} {found:?}");
             }
         }
+    }
+
+    #[test]
+    fn there_and_back_is_nowhere() {
+        let round = TRUTH.after(&TRUTH.inverse());
+        let numbers = |s: &Similarity| [s.rotation.as_flattened(), &s.translation, &[s.scale]].concat();
+        for (a, b) in numbers(&round).iter().zip(numbers(&Similarity::IDENTITY)) {
+            assert!((a - b).abs() < 1e-12, "{round:?}");
+        }
+        let twice = TRUTH.after(&TRUTH);
+        assert_eq!(twice.apply([1.0, 2.0, 3.0]), TRUTH.apply(TRUTH.apply([1.0, 2.0, 3.0])));
     }
 
     #[test]

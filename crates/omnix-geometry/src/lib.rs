@@ -9,7 +9,9 @@ mod align;
 mod camera;
 pub mod codes;
 mod error;
+mod fade;
 mod gaussians;
+mod join;
 mod pose;
 mod random;
 mod rays;
@@ -19,7 +21,9 @@ mod unproject;
 pub use align::{Agreement, AlignTo, Alignment, Similarity, agreement, align_cameras, fit_cameras, umeyama};
 pub use camera::{Camera, decode_pose_code, encode_pose_code, normalise_extrinsics};
 pub use error::GeometryError;
+pub use fade::fade_cameras;
 pub use gaussians::{GAUSSIAN_DEPTH_SHIFT, GAUSSIAN_NUMBERS, Gaussian, GaussianMaps, HARMONICS};
+pub use join::{Join, JoinError, Seen, Shared};
 pub use pose::{
     IDENTITY_POSE, Matrix3, Pose, camera_centre, compose_poses, invert_pose, pose_to_4x4, quaternion_from_rotation,
     rotation_from_quaternion, tum_from_c2w,
