@@ -17,5 +17,7 @@ pub mod preprocess;
 mod setters;
 
 pub use error::IoError;
-pub use input::{FrameChoice, FrameLoader, InputPlan, Picture, PlannedFrame, ReadOptions, Stop, probe, probe_with};
+pub use input::{
+    FrameChoice, FrameLoader, InputPlan, Picture, PictureSpool, PlannedFrame, ReadOptions, Stop, probe, probe_with,
+};
 pub use output::{Export, FrameResult, RunSize, RunSummary, Sink, SinkOptions, manifest::write_manifest, open_sinks};

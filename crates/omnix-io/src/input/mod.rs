@@ -22,6 +22,7 @@ mod picture;
 mod plan;
 mod probing;
 mod sources;
+mod spool;
 mod video;
 
 pub use choice::FrameChoice;
@@ -33,4 +34,5 @@ pub use options::{ReadOptions, Stop};
 pub use picture::{Picture, load_picture};
 pub use plan::{InputPlan, PlannedFrame, Source, SourceKind};
 pub use probing::{probe, probe_with};
+pub use spool::PictureSpool;
 pub use video::{Damage, VideoInfo, probe_video};
