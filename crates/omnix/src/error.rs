@@ -29,6 +29,10 @@ pub enum OmnixError {
     #[cfg(feature = "io")]
     #[error(transparent)]
     Io(#[from] omnix_io::IoError),
+    /// The file of a finished window of a film.
+    #[cfg(feature = "io")]
+    #[error(transparent)]
+    Window(omnix_tensors::TensorError),
     /// A weight that is no number.
     #[error("weight `{name}` has {value} at element {index}: the checkpoint is damaged; fetch it again")]
     NonFinite {

@@ -25,6 +25,9 @@ pub enum Event {
     Resident(ResidentGeometry),
     /// What moves in an image.
     Motion(FrameMotion),
+    /// A window of a film begins ([`crate::windows::Windows::run`]).
+    #[cfg(feature = "io")]
+    Window(WindowBegun),
     /// What trajectories are evaluated from. Nothing follows.
     Field(Box<Field>),
 }
@@ -131,6 +134,21 @@ pub struct FrameMotion {
     pub theta: Vec<f32>,
     /// Confidence of every pixel's path, at least 1, the same at all times.
     pub confidence: Vec<f32>,
+}
+
+/// A window of a film, before it is computed.
+#[cfg(feature = "io")]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct WindowBegun {
+    /// Its number, from 0.
+    pub index: usize,
+    /// Windows of the film.
+    pub windows: usize,
+    /// Its images.
+    pub images: std::ops::Range<usize>,
+    /// Whether its results were found, so that nothing is computed.
+    pub found: bool,
 }
 
 /// Tells a listener how far work is that can only go on or break off, and keeps the listener's error for afterwards.

@@ -40,9 +40,13 @@ mod plan;
 mod request;
 mod session;
 mod weights;
+#[cfg(feature = "io")]
+pub mod windows;
 
 pub use engine::{DeviceInfo, Engine};
 pub use error::OmnixError;
+#[cfg(feature = "io")]
+pub use event::WindowBegun;
 pub use event::{Event, FrameGeometry, FrameMotion, Listener, Phase, Progress, ResidentGeometry, quiet};
 pub use field::{
     About, Chunk, Field, FieldImage, FieldShape, PathPiece, Paths, PixelValues, Pixels, Query, ResidentPaths,
