@@ -21,19 +21,26 @@ fn ten_thousand_frames() {
     let events = ran.events();
     assert_eq!(of_kind(&events, "plan")[0]["images"], 10_000);
     assert!(ran.seconds < 20.0, "planning took {:.0} s", ran.seconds);
-    // What moves grows with the square of the times: no device holds that of ten thousand.
-    let ran = omnix(&["plan", frames.to_str().unwrap()]).fails(5, &["--frames", "would fit"]);
+    // What moves grows with the square of the times: no device holds that of ten thousand. An export that needs all of it is refused.
+    let ran = omnix(&["plan", frames.to_str().unwrap(), "--export", "html"]).fails(5, &["--frames", "would fit"]);
     assert!(ran.seconds < 20.0, "planning motion took {:.0} s", ran.seconds);
-    // All of them: more work than anybody means without a number.
-    let ran = reconstruct(&frames, &out, &[]).fails(5, &["10000", "--frames"]);
+    // All of them at a size at which that is more work than anybody means without a number.
+    let ran = reconstruct(&frames, &out, &["--size", "504x280"]).fails(5, &["10000", "--frames"]);
     assert!(ran.seconds < 20.0, "refusing took {:.0} s", ran.seconds);
-    // Within a budget: how many would fit.
-    let tight = ["--export", "depth", "--memory-budget", "200MiB"];
-    let ran = reconstruct(&frames, &out, &tight).fails(5, &["at least", "--frames", "would fit"]);
+    // Within a budget: how many would fit at once, and windows of as many where nothing needs all at once.
+    let tight = |export: &str, more: &[&str]| {
+        let asked = ["plan", frames.to_str().unwrap(), "--memory-budget", "200MiB", "--export", export];
+        omnix(&[&asked[..], more].concat())
+    };
+    let ran = tight("masks", &[]).fails(5, &["--frames", "would fit"]);
     assert!(ran.seconds < 20.0, "searching took {:.0} s", ran.seconds);
     let fits = ran.err.split("; --frames ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
-    omnix(&["plan", frames.to_str().unwrap(), "--frames", &fits, "--export", "depth", "--memory-budget", "200MiB"])
-        .ok();
+    tight("masks", &["--frames", &fits]).ok();
+    let ran = tight("depth", &["--json"]).ok();
+    assert!(ran.seconds < 20.0, "searching took {:.0} s", ran.seconds);
+    let events = ran.events();
+    let windows = &of_kind(&events, "plan")[0]["windows"];
+    assert!(windows["images"].as_u64().unwrap() >= 8 && windows["count"].as_u64().unwrap() > 10, "{windows}");
     assert!(!out.exists());
     // A few of the many run.
     reconstruct(&frames, &out, &["--frames", "2", "--export", "depth"]).ok();

@@ -25,3 +25,4 @@ mod pytorch;
 mod scenes;
 mod surroundings;
 mod train;
+mod windows;

@@ -134,6 +134,7 @@ fn manifest_states_everything() {
         device: json!({ "name": "test" }),
         unit: "network scale (not metric)".into(),
         settings: json!({}),
+        windows: Value::Null,
         memory: json!({}),
         timings_s: json!({}),
         versions: Map::from_iter([("wgpu".to_owned(), Value::from("30"))]),

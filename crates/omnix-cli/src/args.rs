@@ -51,6 +51,14 @@ pub(crate) struct RunArgs {
     #[arg(long, help_heading = "Frames")]
     pub(crate) strict: bool,
 
+    /// Reconstruct a long film in windows of N images that are joined to one scene; the memory is that of N images. [default: all images
+    /// at once if they fit the memory, else windows of as many as do]
+    #[arg(long, value_name = "N", help_heading = "Long films", allow_negative_numbers = true)]
+    pub(crate) window: Option<usize>,
+    /// Images that two neighbouring windows share, by which they are joined: at most half of a window. [default: a quarter]
+    #[arg(long, value_name = "M", help_heading = "Long films", allow_negative_numbers = true)]
+    pub(crate) overlap: Option<usize>,
+
     /// Checkpoint: a folder with config.json and model.safetensors, such a file or PyTorch's, a repository in the Hugging Face hub's cache, or
     /// `nano`, the very small network inside this program.
     #[arg(long, value_name = "PATH|NAME", default_value = "nano", help_heading = "Network")]
@@ -112,9 +120,10 @@ pub(crate) struct RunArgs {
     ///
     /// Its `event` is one of: note {message}; plan {images, image_size, peak_bytes, process_bytes, weight_bytes, flops, stages,
     /// field, outputs, ...}; device {name, backend, driver, kind, tier}; progress {phase:
-    /// read|weights|metric|backbone|head|motion|sampling|exports, done, total, seconds}; cameras {scale, turned_degrees, moved} and
+    /// read|weights|metric|backbone|head|motion|sampling|join|exports, done, total, seconds}; cameras {scale, turned_degrees, moved} and
     /// metric_scale {metres} where there are such; frame {index, video, frame, time_s,
-    /// depth_min, depth_max, seconds}; motion {index, moving, pixels}; done {dir, files, manifest,
+    /// depth_min, depth_max, seconds}; motion {index, moving, pixels}; window {index, windows, images, found}; join {windows, images,
+    /// joined, ...}; done {dir, files, manifest,
     /// images, timings_s, note}; error {kind, exit_code, message, causes, help}. The last line is done or error. Sizes are
     /// [width, height] in pixels. A path that is no Unicode has U+FFFD in place of what is not.
     #[arg(long)]
@@ -128,6 +137,11 @@ impl RunArgs {
     /// Points that exports of motion follow at most.
     pub(crate) fn followed(&self) -> u64 {
         self.points.unwrap_or(FOLLOWED)
+    }
+
+    /// Whether the exports were named.
+    pub(crate) fn names_exports(&self) -> bool {
+        self.export.is_some()
     }
 
     /// What to write, of a network that has trajectories or not, and of a run that has cameras or not.

@@ -2,14 +2,24 @@
 
 use std::path::Path;
 
-use omnix::RunPlan;
 use omnix::io::{Export, RunSize};
+use omnix::{FieldPrecision, RunPlan};
 
 use crate::error::CliError;
+use crate::windowing::WindowSize;
 
-/// Bytes that the exports of a run take, roughly and rather too many.
-pub(crate) fn wanted(exports: &[Export], size: &RunSize, plan: &RunPlan) -> u64 {
-    let exports = exports.iter().fold(0u64, |sum, export| sum.saturating_add(export.disk_bytes(size)));
+/// Bytes that the exports of a run take, roughly and rather too many; with the pictures that wait in a file, and of a film in
+/// windows, with what they say: depth, confidence and motion score of every pixel, of shared images twice; where points are followed, with the windows' fields.
+pub(crate) fn wanted(exports: &[Export], size: &RunSize, plan: &RunPlan, windows: Option<WindowSize>) -> u64 {
+    let waiting = size.images.saturating_mul(size.pixels).saturating_mul(if windows.is_some() { 3 + 24 } else { 3 });
+    let fields = windows.filter(|_| exports.iter().any(|export| export.loses_points())).map_or(0, |window| {
+        let each = plan.motion.as_ref().map_or(0, |motion| FieldPrecision::F32.bytes(&motion.shape));
+        // The last window of a film is moved back over the one before.
+        let count = size.images.div_ceil((window.images - window.overlap) as u64);
+        each.saturating_mul(count)
+    });
+    let waiting = waiting.saturating_add(fields);
+    let exports = exports.iter().fold(waiting, |sum, export| sum.saturating_add(export.disk_bytes(size)));
     // A field that does not fit the budget waits in a file of the same folder.
     exports.saturating_add(plan.motion.as_ref().filter(|m| !m.resident).map_or(0, |m| m.shape.bytes()))
 }

@@ -197,6 +197,16 @@ pub(crate) enum CliError {
         /// The output folder.
         dir: PathBuf,
     },
+    /// Ctrl-C among the windows of a film.
+    #[error("interrupted: {done} of {windows} windows were finished; the same command goes on from there: {}", dir.display())]
+    WindowsInterrupted {
+        /// Windows that were finished.
+        done: usize,
+        /// Windows in all.
+        windows: usize,
+        /// The output folder.
+        dir: PathBuf,
+    },
     /// Ctrl-C.
     #[error("interrupted: {finished} of {images} images were finished and can be read in {}", dir.display())]
     Interrupted {
@@ -275,7 +285,10 @@ impl CliError {
             Self::Eval(_) | Self::TinyPicture { .. } | Self::BadWeights { .. } | Self::BadData { .. } => 3,
             Self::TooLarge { .. } | Self::TensorTooLarge { .. } | Self::TooMuch { .. } | Self::LargePicture { .. } => 5,
             Self::Stdout(_) | Self::File { .. } | Self::DiskSpace { .. } | Self::FileLimit { .. } => 6,
-            Self::Interrupted { .. } | Self::MotionInterrupted { .. } | Self::CheckInterrupted { .. } => 130,
+            Self::Interrupted { .. }
+            | Self::WindowsInterrupted { .. }
+            | Self::MotionInterrupted { .. }
+            | Self::CheckInterrupted { .. } => 130,
         }
     }
 
@@ -378,6 +391,7 @@ fn library_code(error: &OmnixError) -> u8 {
         | OmnixError::NotBuiltIn { .. }
         | OmnixError::NonFinite { .. } => 3,
         OmnixError::Io(io) => file_code(io),
+        OmnixError::Window(TensorError::Io { action: "write the file", .. }) => 6,
         OmnixError::Request { .. } | OmnixError::NoMotion { .. } | OmnixError::Query { .. } => 2,
         OmnixError::Interrupted => 130,
         _ => 1,

@@ -27,9 +27,9 @@ pub(crate) fn check(out: &Path, input: &InputPlan) -> Result<Option<String>, Cli
             return refuse("an input has the name of a result of this run".into(), &frame.path);
         }
         let source = input.sources.iter().find(|source| source.video == frame.video).map(|source| real(&source.input));
-        // Results lie at most two folders below their manifest. A folder of results that is named itself is meant.
+        // Results lie at most three folders below their manifest. A folder of results that is named itself is meant.
         let above =
-            path.ancestors().skip(1).take(3).take_while(|dir| source.as_ref().is_some_and(|s| dir.starts_with(s)));
+            path.ancestors().skip(1).take(4).take_while(|dir| source.as_ref().is_some_and(|s| dir.starts_with(s)));
         for dir in above {
             if *manifests.entry(dir.to_owned()).or_insert_with(|| has_manifest(dir)) && is_result(&path, dir) {
                 return refuse(

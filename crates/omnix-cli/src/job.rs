@@ -9,6 +9,7 @@ use omnix::graph::GraphError;
 use omnix::io::cameras::{self, MatchedCamera, match_cameras};
 use omnix::io::input::is_video;
 use omnix::io::{Export, FrameChoice, InputPlan, ReadOptions, RunSize, Stop, probe_with};
+use omnix::windows::{Window, window_request};
 use omnix::{Caps, FieldPrecision, OmnixError, Request, RunPlan, Tier, Weights};
 use serde_json::{Value, json};
 
@@ -19,6 +20,7 @@ use crate::memory;
 use crate::prepare::Preparation;
 use crate::stop;
 use crate::ui::Ui;
+use crate::windowing::{self, WindowSize};
 
 /// What is asked, as far as files tell.
 pub(crate) struct Job {
@@ -30,6 +32,8 @@ pub(crate) struct Job {
     pub(crate) known: Option<Vec<MatchedCamera>>,
     /// What to write.
     pub(crate) exports: Vec<Export>,
+    /// How the film is cut into windows, once it is planned; none where all images are one.
+    pub(crate) window: Option<WindowSize>,
 }
 
 /// Searching for the number of frames that fit takes no longer.
@@ -79,17 +83,26 @@ impl Job {
                 "--export {export} states lenses without distortion, and the known cameras have some: undistort the pictures first, or leave it out"
             )));
         }
-        Ok(Self { input, weights, preparation, request, known, exports })
+        Ok(Self { input, weights, preparation, request, known, exports, window: None })
     }
 
-    /// Plans within the budget; says what would fit if this does not.
-    pub(crate) fn plan(&mut self, args: &RunArgs, caps: &Caps, cpu: bool) -> Result<RunPlan, CliError> {
+    /// Plans within the budget: all images, or a window if that was asked for or all do not fit. Says what would fit if none does.
+    pub(crate) fn plan(&mut self, args: &RunArgs, caps: &Caps, cpu: bool, ui: &mut Ui) -> Result<RunPlan, CliError> {
         let waiting = RunPlan::host_bytes_of(&self.weights, &self.request);
         self.request.budget = budget(args, cpu, self.picture_bytes() + waiting)?;
-        match RunPlan::new(&self.weights, &self.request, caps) {
+        let images = self.request.images;
+        match WindowSize::asked(args)? {
+            Some(asked) if asked.images < images => self.use_windows(asked, args, ui)?,
+            Some(asked) => self.note(&format!("a window of {} holds all {images} image(s)", asked.images), ui),
+            None => {}
+        }
+        match RunPlan::new(&self.weights, &self.first_window()?, caps) {
             Ok(plan) => Ok(plan),
             Err(source @ (OmnixError::Budget { .. } | OmnixError::Graph(GraphError::TensorTooLarge { .. }))) => {
                 let found = largest(&self.weights, &self.request, caps);
+                if let Some(plan) = self.plan_windows(found, args, caps, ui)? {
+                    return Ok(plan);
+                }
                 let most = self.input.sources.len();
                 let suggestion = match found {
                     Some(n) if n < self.request.images && n >= most => {
@@ -108,6 +121,85 @@ impl Job {
             }
             Err(error) => Err(error.into()),
         }
+    }
+
+    /// The plan of the largest window that fits, for a film that does not; none where that is too small, or something asked for needs
+    /// all images at once.
+    fn plan_windows(
+        &mut self,
+        most: Option<usize>,
+        args: &RunArgs,
+        caps: &Caps,
+        ui: &mut Ui,
+    ) -> Result<Option<RunPlan>, CliError> {
+        let named = args.names_exports() && !windowing::split(&self.exports).1.is_empty();
+        if self.window.is_some() || named || windowing::obstacle(args, self.weights.network().config()).is_some() {
+            return Ok(None);
+        }
+        // What moves is computed in windows, whether or not it is exported.
+        let motion = self.weights.network().config().trajectory.is_some();
+        let as_asked = motion == self.request.motion;
+        self.request.motion = motion;
+        let most = if as_asked { most } else { largest(&self.weights, &self.request, caps) };
+        let Some(size) = most.map(|most| WindowSize::fitting(most, args)).transpose()?.flatten() else {
+            return Ok(None);
+        };
+        self.use_windows(size, args, ui)?;
+        self.note(
+            &format!(
+                "{} images do not fit the memory at once: they are reconstructed in windows of {} that share {}, and joined",
+                self.request.images, size.images, size.overlap
+            ),
+            ui,
+        );
+        Ok(Some(RunPlan::new(&self.weights, &self.first_window()?, caps)?))
+    }
+
+    /// Cuts the film into windows; leaves out the exports that need all images at once, unless they were named.
+    fn use_windows(&mut self, size: WindowSize, args: &RunArgs, ui: &mut Ui) -> Result<(), CliError> {
+        if let Some(obstacle) = windowing::obstacle(args, self.weights.network().config()) {
+            return Err(CliError::Usage(format!("windows are not possible here: {obstacle}")));
+        }
+        let (single, all) = windowing::possible(&self.exports, args.names_exports())?;
+        if !all.is_empty() {
+            let all = windowing::names(&all);
+            self.note(&format!("not made in windows, since they need all images at once: {all}"), ui);
+        }
+        self.exports = single;
+        self.request.motion = self.weights.network().config().trajectory.is_some();
+        self.window = Some(size);
+        Ok(())
+    }
+
+    /// What is computed first: a window, or all images.
+    fn first_window(&self) -> Result<Request, CliError> {
+        let Some(size) = self.window else { return Ok(self.request.clone()) };
+        Ok(window_request(&self.request, &Window { images: 0..size.images, shot: 0 })?)
+    }
+
+    /// Points that are followed: in windows no more, unless asked for by number, than that their paths take the memory of one window's.
+    pub(crate) fn followed(&self, args: &RunArgs) -> u64 {
+        match (self.window, args.points) {
+            (Some(size), None) => args.followed() * size.images as u64 / self.request.images as u64,
+            _ => args.followed(),
+        }
+    }
+
+    /// What machines are told of the windows; null where there are none.
+    pub(crate) fn windows_event(&self) -> Result<Value, CliError> {
+        let count = self.windows()?;
+        Ok(json!(self.window.map(|size| json!({ "images": size.images, "overlap": size.overlap, "count": count }))))
+    }
+
+    /// Windows of the film, if it has no cuts.
+    pub(crate) fn windows(&self) -> Result<usize, CliError> {
+        self.window.map_or(Ok(1), |size| size.count(self.request.images))
+    }
+
+    /// A remark for now and for the manifest.
+    fn note(&mut self, text: &str, ui: &mut Ui) {
+        ui.note(&format!("note: {text}"));
+        self.input.notes.push(text.to_owned());
     }
 
     /// Bytes that reading the largest picture takes.
@@ -131,9 +223,10 @@ impl Job {
 
     /// Refuses hours of work that nobody asked for by number, such as a folder of ten thousand pictures named whole.
     pub(crate) fn check_work(&self, plan: &RunPlan, args: &RunArgs, tier: Tier) -> Result<(), CliError> {
-        let hours = seconds(plan.flops(), tier) / 3600.0;
+        let flops = plan.flops().saturating_mul(self.windows()? as u64);
+        let hours = seconds(flops, tier) / 3600.0;
         if hours > HOURS && args.frames.is_none() && args.fps.is_none() {
-            let tera_flops = plan.flops() as f64 / 1e12;
+            let tera_flops = flops as f64 / 1e12;
             return Err(CliError::TooMuch { images: self.request.images, tera_flops, hours });
         }
         Ok(())
@@ -141,12 +234,15 @@ impl Job {
 
     /// How large the run is.
     pub(crate) fn size(&self, args: &RunArgs, plan: &RunPlan) -> RunSize {
-        size(&self.request, self.input.sources.len(), args, Some(plan))
+        let size = size(&self.request, self.input.sources.len(), args, Some(plan)).followed(self.followed(args));
+        // In windows what moves serves to join them.
+        size.motion(self.request.motion && self.window.is_none())
     }
 
-    /// Bytes of all processed pictures, kept on the host for the exports.
+    /// Bytes of all processed pictures, which exports of motion hold in memory; else they wait in a file.
     pub(crate) fn picture_bytes(&self) -> u64 {
-        3 * (self.request.images * self.request.height * self.request.width) as u64
+        let pixels = (self.request.images * self.request.height * self.request.width) as u64;
+        if self.request.motion && self.window.is_none() { 3 * pixels } else { 0 }
     }
 }
 

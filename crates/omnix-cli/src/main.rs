@@ -13,6 +13,7 @@ mod stop;
 mod text;
 mod threads;
 mod ui;
+mod windowing;
 
 use std::process::ExitCode;
 

@@ -25,9 +25,10 @@ pub(crate) fn process(plan: &RunPlan, exports: &[Export], size: &RunSize, tier: 
         return None;
     }
     let largest = exports.iter().map(|export| export.memory_bytes(size)).max().unwrap_or(0);
-    let motion = if size.motion { MOTION } else { 0 };
+    // Exports of motion hold all pictures; else they wait in a file.
+    let (motion, pictures) = if size.motion { (MOTION, 3 * size.images * size.pixels) } else { (0, 0) };
     let held = plan.peak_bytes().max(reading) + plan.host_bytes();
-    Some(PROGRAM + motion + held + 3 * size.images * size.pixels + largest)
+    Some(PROGRAM + motion + held + pictures + largest)
 }
 
 /// What decoding one picture may take: on a device that shares the machine's memory what was asked for, else 80 % of what is

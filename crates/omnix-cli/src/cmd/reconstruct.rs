@@ -9,6 +9,7 @@ mod geometry;
 mod manifest;
 mod motion;
 mod state;
+mod windows;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -64,18 +65,18 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     let cpu = engine.gpu().device.adapter_info().device_type == omnix::wgpu::DeviceType::Cpu;
     // A field that does not fit the budget goes beside the results: that disk is known to have room.
     job.request.field = FieldPlace::AutoIn(args.out.out.clone());
-    let plan = job.plan(&args.run, engine.caps(), cpu)?;
+    let plan = job.plan(&args.run, engine.caps(), cpu, ui)?;
     job.check_pictures(memory::for_pictures(&args.run, engine.caps().tier, true))?;
     job.check_work(&plan, &args.run, engine.caps().tier)?;
     if cpu {
         disk::check_device_memory(&plan)?;
     }
     let software = engine.why_software(args.run.device.device.as_deref());
-    announce(&job, &plan, args, &info, engine.caps().tier, software.as_deref(), ui);
+    announce(&job, &plan, args, &info, engine.caps().tier, software.as_deref(), ui)?;
     let options = sink_options(&args.run, plan.unit());
     let folder = OutputFolder::open(&args.out.out)?;
     let sinks = open_sinks(&job.exports, &args.out.out, &options)?;
-    disk::check(&args.out.out, disk::wanted(&job.exports, &job.size(&args.run, &plan), &plan))?;
+    disk::check(&args.out.out, disk::wanted(&job.exports, &job.size(&args.run, &plan), &plan, job.window))?;
     let mut run = Run {
         job: &job,
         inputs: &args.inputs,
@@ -90,10 +91,15 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
         finished: 0,
         cameras: Vec::new(),
         files: Vec::new(),
+        windows: Value::Null,
+        computing: None,
         motion: Value::Null,
         timings: Map::new(),
     };
-    let outcome = run.work(&engine, plan, &options.unit, ui);
+    let outcome = match job.window {
+        Some(size) => run.film(&engine, size, &options, ui),
+        None => run.work(&engine, plan, &options.unit, ui),
+    };
     ui.end();
     run.timings.insert("total".to_owned(), json!(since.elapsed().as_secs_f64()));
     let written = run.finish(outcome.is_err(), &options.unit);
@@ -102,7 +108,9 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
     match outcome {
         Err(CliError::Omnix(OmnixError::Interrupted)) => {
             written?;
-            return Err(if finished < images {
+            return Err(if let Some((done, windows)) = run.computing {
+                CliError::WindowsInterrupted { done, windows, dir }
+            } else if finished < images {
                 CliError::Interrupted { finished, images, dir }
             } else {
                 CliError::MotionInterrupted { images, dir }
@@ -111,7 +119,9 @@ pub(crate) fn run(args: &ReconstructArgs, ui: &mut Ui) -> Result<(), CliError> {
         Err(error) => return Err(error),
         Ok(()) => {}
     }
-    report(&run, &written?, since, ui);
+    let written = written?;
+    run.folder.remove_windows();
+    report(&run, &written, since, ui);
     Ok(())
 }
 
@@ -124,17 +134,23 @@ fn announce(
     tier: Tier,
     software: Option<&str>,
     ui: &mut Ui,
-) {
+) -> Result<(), CliError> {
     let (size, reading) = (job.size(&args.run, plan), job.reading_bytes());
-    ui.event("plan", job::plan_event(plan, &job.weights, &job.exports, &size, tier, job.request.budget, reading));
+    let windows = job.windows()?;
+    let mut planned = job::plan_event(plan, &job.weights, &job.exports, &size, tier, job.request.budget, reading);
+    planned["windows"] = job.windows_event()?;
+    ui.event("plan", planned);
     let mut device = serde_json::to_value(info).unwrap_or_default();
     device["software"] = json!(software);
     ui.event("device", device);
     let software = software.map_or_else(String::new, |why| format!(", a software device: {why}"));
     ui.detail(&job::describe(plan));
     let network = &job.weights.network().config().name;
+    let in_windows = job.window.map_or_else(String::new, |size| {
+        format!(" in {windows} windows of {} that share {}", size.images, size.overlap)
+    });
     ui.say(&format!(
-        "{} image(s) of {}x{}, {network} with {} weights on {} ({}{software}), {} of memory, {:.1} GFLOP",
+        "{} image(s) of {}x{}{in_windows}, {network} with {} weights on {} ({}{software}), {} of memory, {:.1} GFLOP",
         job.request.images,
         job.request.width,
         job.request.height,
@@ -142,11 +158,12 @@ fn announce(
         info.name,
         info.backend,
         bytes::show(plan.peak_bytes()),
-        plan.flops() as f64 / 1e9,
+        plan.flops() as f64 * windows as f64 / 1e9,
     ));
     if let Some(surplus) = first(&job.weights.report().surplus) {
         ui.note(&format!("note: the checkpoint holds tensors that are not used: {surplus}"));
     }
+    Ok(())
 }
 
 /// The first few of a long list, on one line.
@@ -171,7 +188,7 @@ fn sink_options(args: &RunArgs, unit: &str) -> SinkOptions {
 impl Run<'_> {
     /// Decodes, uploads, runs, feeds the sinks, and exports what moves.
     fn work(&mut self, engine: &Engine, plan: RunPlan, unit: &str, ui: &mut Ui) -> Result<(), CliError> {
-        let pictures = self.read(ui)?;
+        let pictures = self.read(None, ui)?;
         // Until now the folder held the results of an earlier run.
         self.folder.begin()?;
         self.begun = true;
@@ -184,8 +201,8 @@ impl Run<'_> {
             stop::answer()
         })?;
         let mut numbers = vec![0.0; 3 * request.height * request.width];
-        for (index, picture) in pictures.iter().enumerate() {
-            normalise(picture, &mut numbers);
+        for index in 0..pictures.len() {
+            normalise(&pictures.get(index)?, &mut numbers);
             session.set_image(index, &numbers)?;
         }
         drop(numbers);
@@ -196,7 +213,7 @@ impl Run<'_> {
         match field {
             Some(field) => {
                 self.close_sinks(false)?;
-                self.export_motion(field, pictures, unit, ui)
+                self.export_motion(field, &pictures, unit, ui)
             }
             None => Ok(()),
         }

@@ -2,6 +2,7 @@
 //!
 //! `point,image,column,row,time,time_s,x,y,z,motion,confidence,moving` with a heading. `image`, `column` and `row` say which pixel a point is,
 //! `time` is the index of the image whose time it is. Numbers are written in the fewest digits that give them back.
+//! A point of a film in windows that is lost has no line for the times at which it is.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -16,6 +17,7 @@ const NAME: &str = "tracks.csv";
 pub(super) const FORMAT: Format = Format {
     name: "csv",
     needs_motion: true,
+    loses_points: true,
     files: &[FileKind::one(
         NAME,
         "the followed points at every time, a line each: pixel, time, x y z in the world, motion score, confidence",
@@ -37,6 +39,9 @@ fn write(path: &Path, points: &MovingPoints) -> Result<PathBuf, IoError> {
         let (motion, confidence, moving) = (points.motion[k], points.confidence[k], u8::from(points.moving[k]));
         for (time, seconds) in times.iter().enumerate() {
             let [x, y, z] = points.position(time, k);
+            if !(x.is_finite() && y.is_finite() && z.is_finite()) {
+                continue;
+            }
             writeln!(
                 file.writer(),
                 "{k},{image},{column},{row},{time},{seconds},{x},{y},{z},{motion},{confidence},{moving}"

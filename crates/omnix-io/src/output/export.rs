@@ -106,6 +106,12 @@ impl Export {
         self.format().needs_features
     }
 
+    /// Whether it can say that a point is lost, as points of films in windows may be.
+    #[must_use]
+    pub fn loses_points(self) -> bool {
+        self.format().loses_points
+    }
+
     /// Whether a run writes it that names no exports.
     #[must_use]
     pub fn by_default(self) -> bool {
@@ -180,10 +186,11 @@ impl Export {
         kinds.filter_map(|kind| Path::new(kind.name).parent()).filter(|folder| *folder != Path::new("")).collect()
     }
 
-    /// The kind of a file by its name from the output folder (with forward slashes); of one that is written with and without
+    /// The kind of a file by its name from the output folder or from a part's in it (with forward slashes); of one that is written with and without
     /// motion the kind of that.
     pub(super) fn kind_of(name: &str, moving: bool) -> Option<&'static FileKind> {
         use super::format::Each;
+        let name = within_part(name);
         let other = if moving { Each::StillRun } else { Each::MovingRun };
         let kinds = Self::ALL.iter().flat_map(|export| export.format().files);
         kinds.filter(|kind| kind.matches(name)).find(|kind| kind.each != other)
@@ -209,6 +216,25 @@ impl Export {
         }
         Ok(exports)
     }
+}
+
+/// The folder of a part of a film, from the output folder.
+#[must_use]
+pub fn part_folder(part: usize) -> String {
+    format!("{PART}{part:03}")
+}
+
+/// How it begins.
+const PART: &str = "part_";
+
+/// Whether this is the name of a part's folder.
+pub(super) fn is_part_folder(name: &str) -> bool {
+    name.strip_prefix(PART).is_some_and(|number| number.len() >= 3 && number.bytes().all(|b| b.is_ascii_digit()))
+}
+
+/// A file's name from its part's folder, if it lies in one.
+fn within_part(name: &str) -> &str {
+    name.split_once('/').filter(|(folder, _)| is_part_folder(folder)).map_or(name, |(_, inside)| inside)
 }
 
 impl FromStr for Export {

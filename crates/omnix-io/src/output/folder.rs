@@ -11,9 +11,12 @@ use std::path::{Path, PathBuf};
 use omnix_tensors::is_unfinished;
 
 use super::atomic::check_output_folder;
-use super::export::Export;
+use super::export::{Export, is_part_folder};
 use super::manifest::MANIFEST;
 use crate::IoError;
+
+/// The folder, in the output folder, of what the windows of a film said while the film is not whole: `NNNNNN.safetensors`, `NNNNNN.field.safetensors`.
+pub const WINDOWS: &str = "windows";
 
 /// A folder that this run alone writes to.
 #[derive(Debug)]
@@ -49,6 +52,21 @@ impl OutputFolder {
         }
     }
 
+    /// Removes what the windows of a film said: nothing needs it when a run is complete. Other files are left alone.
+    pub fn remove_windows(&self) {
+        let folder = self.dir.join(WINDOWS);
+        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let name = entry.file_name();
+            let number = name.to_str().and_then(|name| name.strip_suffix(".safetensors"));
+            let number = number.map(|number| number.strip_suffix(".field").unwrap_or(number));
+            if number.is_some_and(|number| number.len() >= 6 && number.bytes().all(|b| b.is_ascii_digit())) {
+                // What cannot be removed takes room and harms nothing.
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+        let _ = fs::remove_dir(&folder);
+    }
+
     /// Files that exports leave and that are not among `written`: those of an earlier run. Sorted, from the output folder.
     #[must_use]
     pub fn of_earlier_runs(&self, written: &[PathBuf]) -> Vec<String> {
@@ -78,10 +96,16 @@ impl OutputFolder {
     }
 }
 
-/// Every folder in which exports leave files.
+/// Every folder in which exports leave files, of the whole and of parts.
 fn folders(dir: &Path) -> BTreeSet<PathBuf> {
-    let inside = Export::ALL.iter().flat_map(|export| export.folders());
-    inside.map(|folder| dir.join(folder)).chain([dir.to_owned()]).collect()
+    let is_part = |entry: &fs::DirEntry| entry.file_name().to_str().is_some_and(is_part_folder);
+    let parts = fs::read_dir(dir).into_iter().flatten().flatten().filter(is_part).map(|entry| entry.path());
+    let of = |dir: PathBuf| {
+        let inside: Vec<PathBuf> =
+            Export::ALL.iter().flat_map(|export| export.folders()).map(|f| dir.join(f)).collect();
+        inside.into_iter().chain([dir])
+    };
+    parts.chain([dir.to_owned()]).flat_map(of).chain([dir.join(WINDOWS)]).collect()
 }
 
 /// Removes temporary files whose writers are gone: those that nobody locks.
@@ -142,9 +166,43 @@ mod tests {
     }
 
     #[test]
+    fn what_windows_said_goes_and_what_is_beside_it_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let windows = dir.path().join(WINDOWS);
+        fs::create_dir(&windows).unwrap();
+        for name in [
+            "000000.safetensors",
+            "000000.field.safetensors",
+            "1234567.safetensors",
+            "mine.safetensors",
+            ".omnix-a1b2.part",
+        ] {
+            fs::write(windows.join(name), "x").unwrap();
+        }
+        let folder = OutputFolder::open(dir.path()).unwrap();
+        assert!(!windows.join(".omnix-a1b2.part").exists(), "a half file of a killed run");
+        folder.remove_windows();
+        assert!(windows.join("mine.safetensors").exists() && !windows.join("000000.safetensors").exists());
+        assert!(!windows.join("000000.field.safetensors").exists());
+        fs::remove_file(windows.join("mine.safetensors")).unwrap();
+        folder.remove_windows();
+        assert!(!windows.exists());
+    }
+
+    #[test]
     fn files_of_an_earlier_run_are_known_by_name() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["depth/000000.png", "depth/000001.png", "scene.glb", "mine.txt", "depth/mine.png", MANIFEST] {
+        let names = [
+            "depth/000000.png",
+            "depth/000001.png",
+            "scene.glb",
+            "mine.txt",
+            "depth/mine.png",
+            "part_001/tracks.csv",
+            "part_of_mine/tracks.csv",
+            MANIFEST,
+        ];
+        for name in names {
             let path = dir.path().join(name);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
             fs::write(path, "x").unwrap();
@@ -153,7 +211,7 @@ mod tests {
         folder.begin().unwrap();
         assert!(!dir.path().join(MANIFEST).exists());
         let written = [dir.path().join("depth/000000.png")];
-        assert_eq!(folder.of_earlier_runs(&written), ["depth/000001.png", "scene.glb"]);
+        assert_eq!(folder.of_earlier_runs(&written), ["depth/000001.png", "part_001/tracks.csv", "scene.glb"]);
         folder.check([written[0].as_path()]).unwrap();
         fs::remove_dir_all(dir.path().join("depth")).unwrap();
         assert!(matches!(folder.check([written[0].as_path()]), Err(IoError::Vanished { .. })));

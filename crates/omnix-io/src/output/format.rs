@@ -25,6 +25,8 @@ pub(super) struct Format {
     pub(super) needs_gaussians: bool,
     /// Whether it needs features of the encoder.
     pub(super) needs_features: bool,
+    /// Whether it can say that a point is lost: positions that are NaN from some time on.
+    pub(super) loses_points: bool,
     /// Whether a run writes it that names no exports.
     pub(super) by_default: bool,
     /// The files it leaves.
@@ -58,6 +60,7 @@ impl Format {
         needs_motion: false,
         needs_gaussians: false,
         needs_features: false,
+        loses_points: false,
         by_default: false,
         files: &[],
         disk: |_| 0,

@@ -140,6 +140,8 @@ pub struct Manifest {
     pub unit: String,
     /// Settings of the run: preprocessing, frame choice, budget, exports.
     pub settings: Value,
+    /// How a film was cut into windows and joined: its windows, what each join left, its parts. Null where all images were one.
+    pub windows: Value,
     /// What the run took: planned on the device, and the process at most where the system says.
     pub memory: Value,
     /// Wall times in seconds by phase.
@@ -181,7 +183,7 @@ pub fn write_manifest(dir: &Path, manifest: &Manifest) -> Result<PathBuf, IoErro
             entry
         })
         .collect();
-    let document = json!({
+    let mut document = json!({
         "format": FORMAT,
         "interrupted": manifest.interrupted,
         "network": manifest.network,
@@ -209,6 +211,9 @@ pub fn write_manifest(dir: &Path, manifest: &Manifest) -> Result<PathBuf, IoErro
         "files": files,
         "images": manifest.frames,
     });
+    if !manifest.windows.is_null() {
+        document["windows"] = manifest.windows.clone();
+    }
     let json = serde_json::to_vec_pretty(&document).map_err(|e| IoError::write(&path, e.into()))?;
     atomic::write_file(path, &json)
 }

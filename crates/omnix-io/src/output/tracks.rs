@@ -1,7 +1,8 @@
 //! `tracks`: `exports/tracks/NNNNNN.npz`, one archive per source image, NNNNNN its index.
 //!
 //! T images (= times), N chosen points of the source image; of all pixels `N` reads `H,W` and `pixel` is left out.
-//! * `trajectory` f32 [T,N,3]: where each point is at each time; world frame, OpenCV axes, the network's scale
+//! * `trajectory` f32 [T,N,3]: where each point is at each time; world frame, OpenCV axes, the network's scale; NaN where a point is lost,
+//!   which only those of films in windows are
 //! * `pixel` i32 [N,2]: column and row in the processed picture
 //! * `confidence` f32 [N]: of the path, at least 1; `theta` f32 [N]: motion score; `moving` bool [N]: whether the gate let it move
 //! * `rgb` u8 [N,3]: colour of the pixel
@@ -22,6 +23,7 @@ pub(super) const FORMAT: Format = Format {
     name: "tracks",
     needs_cameras: true,
     needs_motion: true,
+    loses_points: true,
     files: &[FileKind::of_images(
         "exports/tracks/NNNNNN.npz",
         "trajectory f32 [T,N,3] (of all pixels [T,H,W,3]) in the world of the extrinsics, pixel i32 [N,2] column and row, confidence, theta, moving, rgb; times, cameras",

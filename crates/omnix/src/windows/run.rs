@@ -175,7 +175,11 @@ fn compute(session: &mut Session, kept: Option<&Path>, listener: Listener<'_>) -
     session.run(&mut |event| {
         match event {
             Event::Frame(geometry) => {
-                let FrameGeometry { depth, confidence, mut camera, rays, .. } = geometry;
+                let FrameGeometry { depth, confidence, camera, rays, .. } = geometry;
+                let (Some(confidence), Some(mut camera)) = (confidence, camera) else {
+                    let reason = "windows are joined by confidence and cameras, which this network does not make";
+                    return Err(OmnixError::Request { reason: reason.to_owned() });
+                };
                 if let (Some((rays, confidence)), Some(table)) = (&rays, &table) {
                     let maps = RayMaps { rays, confidence, size: rays_size };
                     let found = cameras_from_rays(&maps, [request.height as u32, request.width as u32], Some(table))?;

@@ -5,12 +5,14 @@ use std::time::Instant;
 use omnix::geometry::{Agreement, RayMaps, SKY, cameras_from_rays, sample_table};
 use omnix::io::output::{FeatureMap, SourcePicture};
 use omnix::io::preprocess::exported_picture;
-use omnix::io::{FrameLoader, FrameResult, Picture, Stop};
+use omnix::io::{FrameLoader, FrameResult, IoError, Picture, PictureSpool, PlannedFrame, Sink, Stop};
+use omnix::windows::Cuts;
 use omnix::{Camera, Event, Field, OmnixError, Phase, Session};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::state::{Run, begin};
 use crate::error::CliError;
+use crate::job::Job;
 use crate::stop;
 use crate::ui::Ui;
 
@@ -34,13 +36,14 @@ fn tell_agreement(agreement: &Agreement, ui: &mut Ui) {
 }
 
 impl Run<'_> {
-    /// Every picture at the network's size, 8 bits per channel.
-    pub(super) fn read(&mut self, ui: &mut Ui) -> Result<Vec<Picture>, CliError> {
+    /// Every picture at the network's size, 8 bits per channel, in a file of the output folder; where the film is cut, to `cuts`.
+    pub(super) fn read(&mut self, mut cuts: Option<&mut Cuts>, ui: &mut Ui) -> Result<PictureSpool, CliError> {
         let input = &self.job.input;
         let total = input.frames.len();
         ui.begin("read", &format!("reading {total} image(s)"));
         let mut loader = FrameLoader::new(input).stop(Stop::when(stop::asked));
-        let mut pictures = Vec::with_capacity(total);
+        let (width, height) = self.job.preparation.size();
+        let mut pictures = PictureSpool::new(self.dir, width, height)?;
         for index in 0..total {
             if stop::asked() {
                 return Err(OmnixError::Interrupted.into());
@@ -52,7 +55,11 @@ impl Run<'_> {
             {
                 picture = known.undistort(&picture);
             }
-            pictures.push(self.job.preparation.apply(&picture)?);
+            let picture = self.job.preparation.apply(&picture)?;
+            if let Some(cuts) = &mut cuts {
+                cuts.add(input.frames[index].video, &picture);
+            }
+            pictures.push(&picture)?;
             ui.progress(index as u64 + 1, total as u64);
         }
         self.timings.insert("read".to_owned(), json!(ui.end()));
@@ -63,7 +70,7 @@ impl Run<'_> {
     pub(super) fn network(
         &mut self,
         session: &mut Session,
-        pictures: &[Picture],
+        pictures: &PictureSpool,
         ui: &mut Ui,
     ) -> Result<Option<Field>, CliError> {
         let since = Instant::now();
@@ -72,7 +79,7 @@ impl Run<'_> {
         let rays_size = [8 * gh, 8 * gw];
         let table = request.rays.then(|| sample_table(rays_size[0] * rays_size[1]));
         let image = [request.height as u32, request.width as u32];
-        let (frames, sinks, finished) = (&self.job.input.frames, &mut self.sinks, &mut self.finished);
+        let (job, sinks, finished) = (self.job, &mut self.sinks, &mut self.finished);
         let (cameras, timings) = (&mut self.cameras, &mut self.timings);
         let names = self.job.input.picture_names();
         let mut phase = None;
@@ -116,40 +123,19 @@ impl Run<'_> {
             let maps = geometry.features.iter();
             let features: Vec<FeatureMap<'_>> =
                 maps.map(|(block, values)| FeatureMap { block: *block, grid: [gh, gw], values }).collect();
-            let rgb = exported_picture(&pictures[index]);
-            let frame = &frames[index];
-            let result = FrameResult {
+            let shown = Shown {
                 index,
-                video: frame.video,
-                frame: frame.frame,
-                time_s: frame.time_s,
-                width: image[1],
-                height: image[0],
                 depth: &geometry.depth,
                 confidence: geometry.confidence.as_deref(),
-                rgb: &rgb.data,
-                extrinsics: camera.map(|camera| camera.extrinsics),
-                intrinsics: camera.map(|camera| camera.intrinsics),
+                camera,
                 sky: sky.as_deref(),
                 gaussians: geometry.gaussians.as_deref(),
                 features: &features,
-                source: Some(SourcePicture {
-                    name: &names[index],
-                    size: [frame.width, frame.height],
-                    framing: self.job.preparation.framing(frame),
-                }),
             };
-            for sink in sinks.iter_mut() {
-                sink.frame(&result)?;
-            }
+            show(job, sinks, &names[index], &pictures.get(index)?, &shown)?;
             cameras.extend(camera);
             *finished = index + 1;
-            let (min, max) = range(&geometry.depth);
-            let fields = json!({
-                "index": index, "video": frame.video, "frame": frame.frame, "time_s": frame.time_s,
-                "depth_min": min, "depth_max": max, "seconds": since.elapsed().as_secs_f64(),
-            });
-            ui.event("frame", fields);
+            ui.event("frame", frame_fields(&job.input.frames[index], &geometry.depth, since));
             Ok(())
         });
         begin(timings, ui, "", "");
@@ -158,8 +144,62 @@ impl Run<'_> {
     }
 }
 
+/// An image's geometry, as exports get it.
+pub(super) struct Shown<'a> {
+    pub(super) index: usize,
+    pub(super) depth: &'a [f32],
+    pub(super) confidence: Option<&'a [f32]>,
+    pub(super) camera: Option<Camera>,
+    pub(super) sky: Option<&'a [bool]>,
+    pub(super) gaussians: Option<&'a [f32]>,
+    pub(super) features: &'a [FeatureMap<'a>],
+}
+
+/// Gives an image to the exports of single images. `name` is that of its source picture, `picture` the processed one.
+pub(super) fn show(
+    job: &Job,
+    sinks: &mut [Box<dyn Sink>],
+    name: &str,
+    picture: &Picture,
+    shown: &Shown<'_>,
+) -> Result<(), IoError> {
+    let frame = &job.input.frames[shown.index];
+    let rgb = exported_picture(picture);
+    let result = FrameResult {
+        index: shown.index,
+        video: frame.video,
+        frame: frame.frame,
+        time_s: frame.time_s,
+        width: picture.width,
+        height: picture.height,
+        depth: shown.depth,
+        confidence: shown.confidence,
+        rgb: &rgb.data,
+        extrinsics: shown.camera.map(|camera| camera.extrinsics),
+        intrinsics: shown.camera.map(|camera| camera.intrinsics),
+        sky: shown.sky,
+        gaussians: shown.gaussians,
+        features: shown.features,
+        source: Some(SourcePicture {
+            name,
+            size: [frame.width, frame.height],
+            framing: job.preparation.framing(frame),
+        }),
+    };
+    sinks.iter_mut().try_for_each(|sink| sink.frame(&result))
+}
+
+/// What machines are told of an image.
+pub(super) fn frame_fields(frame: &PlannedFrame, depth: &[f32], since: Instant) -> Value {
+    let (min, max) = range(depth);
+    json!({
+        "index": frame.index, "video": frame.video, "frame": frame.frame, "time_s": frame.time_s,
+        "depth_min": min, "depth_max": max, "seconds": since.elapsed().as_secs_f64(),
+    })
+}
+
 /// What people read of a phase, and its name for machines.
-fn said(phase: Phase) -> (&'static str, &'static str) {
+pub(super) fn said(phase: Phase) -> (&'static str, &'static str) {
     match phase {
         Phase::Weights => ("weights", "reading weights"),
         Phase::Metric => ("metric", "the metric network over all images"),

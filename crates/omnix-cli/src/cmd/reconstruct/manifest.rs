@@ -38,6 +38,8 @@ impl Run<'_> {
                 "start_s": args.start,
                 "end_s": args.end,
                 "strict": args.strict,
+                "window": job.window.map(|size| size.images),
+                "overlap": job.window.map(|size| size.overlap),
                 "preparation": job.preparation.settings(),
                 "weights_type": job::storage_name(args),
                 "reference": args.reference.as_ref().map(|r| format!("{r:?}")),
@@ -54,6 +56,7 @@ impl Run<'_> {
                 "conf_percentile": args.conf_percentile,
                 "motion": self.motion,
             }),
+            windows: self.windows.clone(),
             memory: json!({
                 "device_planned_bytes": self.planned,
                 "process_peak_bytes": memory::peak(),

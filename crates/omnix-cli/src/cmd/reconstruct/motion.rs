@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use omnix::io::output::{GlbMotionOptions, HtmlOptions, MotionInput, MotionOptions, MotionStream, write_motion};
-use omnix::io::{Export, Picture, preprocess::exported_picture};
+use omnix::io::{Export, PictureSpool, preprocess::exported_picture};
 use omnix::{Field, OmnixError};
 use serde_json::json;
 
@@ -15,7 +15,7 @@ use crate::stop;
 use crate::ui::Ui;
 
 /// Seed of every choice.
-const SEED: u64 = 42;
+pub(super) const SEED: u64 = 42;
 /// Images a second in files that play, where the input does not say.
 const RATE: f64 = 12.0;
 
@@ -24,7 +24,7 @@ impl Run<'_> {
     pub(super) fn export_motion(
         &mut self,
         mut field: Field,
-        pictures: Vec<Picture>,
+        pictures: &PictureSpool,
         unit: &str,
         ui: &mut Ui,
     ) -> Result<(), CliError> {
@@ -74,14 +74,14 @@ impl Run<'_> {
     }
 
     /// What the engine does not know of the images; what the manifest and `--json` say of them.
-    fn describe(&mut self, field: &mut Field, pictures: Vec<Picture>, unit: &str) -> Result<(), CliError> {
+    fn describe(&mut self, field: &mut Field, pictures: &PictureSpool, unit: &str) -> Result<(), CliError> {
         let frames = &self.job.input.frames;
         for ((image, frame), camera) in field.images_mut().iter_mut().zip(frames).zip(&self.cameras) {
             image.time_s = frame.time_s;
             image.camera = *camera;
         }
-        for (index, picture) in pictures.iter().enumerate() {
-            field.set_picture(index, exported_picture(picture))?;
+        for index in 0..pictures.len() {
+            field.set_picture(index, exported_picture(&pictures.get(index)?))?;
         }
         let checkpoint = self.job.weights.checkpoint();
         let about = field.about_mut();
@@ -100,7 +100,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    fn options(&self, unit: &str) -> MotionOptions {
+    pub(super) fn options(&self, unit: &str) -> MotionOptions {
         let notes = self.job.weights.note().map(str::to_owned).into_iter().collect();
         let glb = GlbMotionOptions::default().max_points(self.args.followed() as usize).unit(unit.to_owned());
         let html = HtmlOptions::default().title(title(self.inputs)).notes(notes).unit(unit.to_owned());

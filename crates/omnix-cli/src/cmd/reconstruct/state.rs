@@ -37,6 +37,10 @@ pub(super) struct Run<'a> {
     pub(super) cameras: Vec<Camera>,
     /// Files that were written.
     pub(super) files: Vec<WrittenFile>,
+    /// What the manifest says of a film's windows.
+    pub(super) windows: Value,
+    /// Windows of a film that are finished, and all of them, while they are computed.
+    pub(super) computing: Option<(usize, usize)>,
     /// What the manifest says of motion.
     pub(super) motion: Value,
     pub(super) timings: Map<String, Value>,
