@@ -30,6 +30,7 @@ mod resize;
 mod resize_grad;
 mod scatter;
 mod softmax;
+mod splat;
 mod split_heads;
 mod split_heads_grad;
 mod swiglu;
@@ -92,5 +93,6 @@ fn all(bench: &Bench) -> Result<(), KernelError> {
     traj_apply::run(bench)?;
     traj_apply_grad::run(bench)?;
     trajectory::run(bench)?;
+    splat::run(bench)?;
     Ok(())
 }

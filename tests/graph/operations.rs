@@ -1,6 +1,6 @@
 //! Operations that are made of others, shape errors, indices, timing.
 
-use omnix_graph::ops::{Corners, Filter, Heads, Piece, ReduceOp, Unary};
+use omnix_graph::ops::{Corners, Filter, Heads, Piece, ReduceOp, Splat, Unary};
 use omnix_graph::profile::{profile, write_chrome_trace};
 use omnix_graph::{Graph, ParameterSource as _, PlanOptions};
 use omnix_tests::{Rng, assert_close, gpu, tiers};
@@ -139,6 +139,19 @@ fn arguments_that_no_operation_takes_are_errors_and_never_a_panic() {
     let half = Piece { value: row, dims: vec![3], start: 0, strides: vec![1], at: vec![0] };
     assert!(g.assemble([6], std::slice::from_ref(&half)).is_err(), "three of six numbers are never written");
     assert!(g.assemble([6], &[half.clone(), Piece { at: vec![3], ..half }]).is_ok());
+    let (points, sizes, view) = (g.input("points", [5, 3]), g.input("sizes", [5]), g.input("view", [24]));
+    let splat = Splat { points, sizes, colours: sizes, view, size: [4, 6], largest: 8 };
+    assert!(g.splat(&splat).is_ok());
+    for bad in [
+        Splat { points: sizes, ..splat },
+        Splat { sizes: row, ..splat },
+        Splat { view: row, ..splat },
+        Splat { size: [0, 6], ..splat },
+        Splat { size: [4, 1 << 33], ..splat },
+        Splat { largest: 0, ..splat },
+    ] {
+        assert!(g.splat(&bad).is_err(), "{bad:?}");
+    }
     let deep = g.input("deep", [1, 1, 1, 1, 1, 1, 2]);
     assert!(g.permute(deep, &[6, 5, 4, 3, 2, 1, 0]).is_err(), "a copy has six axes");
     let wide = g.input("wide", [2, 1 << 33]);

@@ -31,6 +31,7 @@ pub mod resize;
 pub mod resize_grad;
 pub mod scatter;
 pub mod softmax;
+pub mod splat;
 pub mod split_heads;
 pub mod split_heads_grad;
 pub mod swiglu;

@@ -30,6 +30,7 @@ use omnix_kernels::resize::{Corners, Filter, Resize};
 use omnix_kernels::resize_grad::ResizeGrad;
 use omnix_kernels::scatter::Scatter;
 use omnix_kernels::softmax::Softmax;
+use omnix_kernels::splat::Splat;
 use omnix_kernels::split_heads::{HeadLayout, SplitHeads};
 use omnix_kernels::split_heads_grad::SplitHeadsGrad;
 use omnix_kernels::swiglu::SwiGlu;
@@ -190,6 +191,8 @@ fn what_moves_numbers_is_short() {
     let pack = omnix_tests::cases::pack::linear(4096, 6144, true, WeightType::F32);
     short("pack", 0, &|caps| pack.record(caps));
     short("scatter", 0, &|caps| Scatter { n: m, m, c }.record(caps));
+    let splat = Splat { n: 64 * 280 * 504, width: 3840, height: 2160, largest: Splat::LARGEST };
+    short("splat", 0, &|caps| splat.record(caps));
     let heads = SplitHeads {
         groups: 64,
         tokens: 721,

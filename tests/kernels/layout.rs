@@ -4,8 +4,8 @@ use omnix_kernels::layout::{HostParams, Layout};
 use omnix_kernels::{
     adamw, attention, attention_grad_q, blend, conv2d, conv2d_weights, copy, deform_sample, dropout, field_scatter,
     field_scatter_grad, fill, gather, grad_norm, layer_norm, layer_norm_grad, linear, linear_weights, pack, pointwise,
-    rank, reduce, reference_view, resize, resize_grad, softmax, split_heads, split_heads_grad, swiglu, swiglu_grad,
-    token_expand, token_expand_grad, top_k, traj_apply, traj_apply_grad, winograd,
+    rank, reduce, reference_view, resize, resize_grad, softmax, splat, split_heads, split_heads_grad, swiglu,
+    swiglu_grad, token_expand, token_expand_grad, top_k, traj_apply, traj_apply_grad, winograd,
 };
 use omnix_shaders::ALL;
 use omnix_tests::{Trial, trials};
@@ -49,6 +49,7 @@ const HOST: &[(&str, Layout)] = &[
     ("resize_grad", resize_grad::ResizeGradParams::LAYOUT),
     ("scatter", gather::RowsParams::LAYOUT),
     ("softmax", softmax::SoftmaxParams::LAYOUT),
+    ("splat", splat::SplatParams::LAYOUT),
     ("split_heads", split_heads::SplitHeadsParams::LAYOUT),
     ("split_heads_grad", split_heads_grad::SplitHeadsGradParams::LAYOUT),
     ("swiglu", swiglu::SwiGluParams::LAYOUT),

@@ -34,6 +34,7 @@ mod resize;
 mod resize_grad;
 mod scatter;
 mod softmax;
+mod splat;
 mod split_heads;
 mod split_heads_grad;
 mod swiglu;
@@ -81,6 +82,7 @@ fn main() -> std::process::ExitCode {
         resize_grad::trials,
         scatter::trials,
         softmax::trials,
+        splat::trials,
         split_heads::trials,
         split_heads_grad::trials,
         swiglu::trials,

@@ -36,6 +36,7 @@ mod resize_grad;
 mod sampling;
 mod scatter;
 mod softmax;
+mod splat;
 mod split_heads;
 mod split_heads_grad;
 mod swiglu;
@@ -87,6 +88,7 @@ pub use resize_grad::ResizeGrad;
 pub use sampling::Sampling;
 pub use scatter::Scatter;
 pub use softmax::Softmax;
+pub use splat::Splat;
 pub use split_heads::{HeadNorm, Heads, SplitHeads, WIDEST_HEAD};
 pub use split_heads_grad::SplitHeadsGrad;
 pub use swiglu::SwiGlu;
@@ -210,6 +212,8 @@ operations! {
     TrajApply,
     /// The last two in one, for a range of times.
     Trajectory,
+    /// Points as a camera sees them.
+    Splat,
     /// The gradient of `silu(a) · b`.
     SwiGluGrad,
     /// The gradient of tokens under a code of each time.
