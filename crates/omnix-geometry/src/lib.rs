@@ -12,6 +12,7 @@ mod error;
 mod fade;
 mod gaussians;
 mod join;
+mod path;
 mod pose;
 mod random;
 mod rays;
@@ -24,6 +25,7 @@ pub use error::GeometryError;
 pub use fade::fade_cameras;
 pub use gaussians::{GAUSSIAN_DEPTH_SHIFT, GAUSSIAN_NUMBERS, Gaussian, GaussianMaps, HARMONICS};
 pub use join::{Join, JoinError, Seen, Shared};
+pub use path::{Curve, camera_on_curve, look_at, orbit_camera};
 pub use pose::{
     IDENTITY_POSE, Matrix3, Pose, camera_centre, compose_poses, invert_pose, pose_to_4x4, quaternion_from_rotation,
     rotation_from_quaternion, tum_from_c2w,
