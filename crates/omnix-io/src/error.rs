@@ -139,9 +139,7 @@ pub enum IoError {
         source: io::Error,
     },
     /// ffmpeg does not encode a film.
-    #[error(
-        "the film cannot be written ({reason}): install an ffmpeg with libx264, or leave out the export preview: {path}"
-    )]
+    #[error("the film cannot be written ({reason}): install an ffmpeg with libx264, or do without the film: {path}")]
     Film {
         /// What it said.
         reason: String,

@@ -85,6 +85,12 @@ impl AtomicFile {
         Ok(Self { out: BufWriter::with_capacity(1 << 20, file), path: path.to_owned(), listed })
     }
 
+    /// Where it lies until then, for another program to write to.
+    #[must_use]
+    pub fn temporary(&self) -> &Path {
+        &self.listed.0
+    }
+
     /// Empties the buffers, waits for the disk, and renames.
     ///
     /// # Errors

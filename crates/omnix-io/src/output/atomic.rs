@@ -20,6 +20,7 @@ pub fn check_output_folder(dir: &Path) -> Result<(), IoError> {
 }
 
 /// [`omnix_tensors::AtomicFile`] with errors that name the file: it has its name only when it is whole.
+#[derive(Debug)]
 pub(super) struct AtomicFile {
     file: omnix_tensors::AtomicFile,
     path: PathBuf,
@@ -30,6 +31,11 @@ impl AtomicFile {
     pub(super) fn create(path: PathBuf) -> Result<Self, IoError> {
         let file = omnix_tensors::AtomicFile::create(&path).map_err(|e| IoError::write(&path, e))?;
         Ok(Self { file, path })
+    }
+
+    /// Where it lies until it is whole, for another program to write to.
+    pub(super) fn temporary(&self) -> &Path {
+        self.file.temporary()
     }
 
     /// Writes bytes, naming the file on failure.

@@ -6,9 +6,8 @@
 //! film is encoded by ffmpeg (H.264); one image a frame, at the rate of the input where it has times.
 
 use std::fs::File;
-use std::io::{BufReader, Read as _, Seek as _, SeekFrom, Write as _};
+use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
 use image::imageops::{self, FilterType};
 use image::{ExtendedColorType, RgbImage};
@@ -16,12 +15,12 @@ use image::{ExtendedColorType, RgbImage};
 use super::atomic::{self, Spool};
 use super::colour;
 use super::depth;
+use super::film::Film;
 use super::format::{Each, FileKind, Format, Points};
 use super::frame::{FrameResult, RunSummary, Sink};
 use super::options::SinkOptions;
 use super::sample::{Reservoir, percentile};
 use crate::IoError;
-use crate::input::ffmpeg_program;
 
 const FILM: &str = "preview.mp4";
 const POSTER: &str = "poster.png";
@@ -74,10 +73,7 @@ impl PreviewSink {
     fn new(dir: &Path, options: &SinkOptions) -> Result<Self, IoError> {
         // Before anything is computed: whether there is an encoder.
         let path = dir.join(FILM);
-        let asked = Command::new(ffmpeg_program()).arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
-        if let Err(error) = asked {
-            return Err(film(&path, &format!("ffmpeg cannot be started: {error}")));
-        }
+        Film::check(&path)?;
         let waiting = Spool::new(dir, path)?;
         let sample = Reservoir::new(SAMPLE, options.seed);
         Ok(Self { dir: dir.to_owned(), waiting, sample, size: (0, 0), images: 0, times: Vec::new() })
@@ -150,41 +146,17 @@ impl Waiting {
     }
 }
 
-fn film(path: &Path, reason: &str) -> IoError {
-    IoError::Film { reason: reason.to_owned(), path: path.to_owned() }
-}
-
-/// Encodes the film; it has its name when it is whole.
+/// Encodes the film.
 fn encode(pictures: &mut Waiting, images: usize, rate: f64) -> Result<PathBuf, IoError> {
-    let path = pictures.path.clone();
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let made = tempfile::Builder::new().suffix(".mp4").tempfile_in(folder).map_err(|e| IoError::write(&path, e))?;
     let [first, _] = pictures.pair(0)?;
-    // The encoder wants even sides.
-    let (width, height) = (2 * first.width(), first.height() / 2 * 2);
-    let mut command = Command::new(ffmpeg_program());
-    command.args(["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s"]).arg(format!("{width}x{height}"));
-    command.arg("-r").arg(rate.to_string()).args(["-i", "-", "-an", "-c:v", "libx264", "-pix_fmt", "yuv420p"]);
-    command.args(["-crf", "18", "-preset", "veryfast", "-movflags", "+faststart", "-f", "mp4"]).arg(made.path());
-    command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
-    let mut child = command.spawn().map_err(|e| film(&path, &format!("ffmpeg cannot be started: {e}")))?;
-    let mut told = child.stdin.take().map_or(Ok(()), |mut input| {
-        (0..images).try_for_each(|index| {
-            let [picture, depth] = pictures.pair(index)?;
-            let rows = picture.rows().zip(depth.rows()).take(height as usize);
-            let bytes: Vec<u8> = rows.flat_map(|(a, b)| a.chain(b).flat_map(|pixel| pixel.0)).collect();
-            // Why an encoder ended early is in its own words, below.
-            input.write_all(&bytes).map_err(|e| film(&path, &format!("ffmpeg takes no more pictures: {e}")))
-        })
-    });
-    let ended = child.wait_with_output().map_err(|e| film(&path, &format!("ffmpeg cannot be waited for: {e}")))?;
-    if !ended.status.success() {
-        let words = String::from_utf8_lossy(&ended.stderr);
-        told = Err(film(&path, words.lines().next().unwrap_or("ffmpeg failed without a word")));
+    let mut film = Film::begin(&pictures.path, [2 * first.width(), first.height()], rate)?;
+    for index in 0..images {
+        let [picture, depth] = pictures.pair(index)?;
+        let rows = picture.rows().zip(depth.rows());
+        let bytes: Vec<u8> = rows.flat_map(|(a, b)| a.chain(b).flat_map(|pixel| pixel.0)).collect();
+        film.picture(&bytes)?;
     }
-    told?;
-    made.persist(&path).map_err(|e| IoError::write(&path, e.error))?;
-    Ok(path)
+    film.finish()
 }
 
 /// Pictures above their depth, evenly spread over the run.
