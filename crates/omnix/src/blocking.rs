@@ -8,6 +8,7 @@ use crate::error::OmnixError;
 use crate::event::Listener;
 use crate::field::{Field, PathPiece, Paths, Query, ResidentPaths};
 use crate::plan::RunPlan;
+use crate::render::{Rendered, Renderer, Shot};
 use crate::session::Session;
 use crate::weights::Weights;
 
@@ -61,6 +62,16 @@ impl Session {
     /// As there.
     pub fn run_resident(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
         block_on(self.run_resident_async(listener))
+    }
+}
+
+impl Renderer {
+    /// As [`Renderer::picture_async`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn picture(&self, shot: &Shot) -> Result<Rendered, OmnixError> {
+        block_on(self.picture_async(shot))
     }
 }
 

@@ -37,6 +37,7 @@ mod error;
 mod event;
 mod field;
 mod plan;
+pub mod render;
 mod request;
 mod session;
 mod weights;
