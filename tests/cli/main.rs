@@ -22,6 +22,7 @@ mod motion;
 mod networks;
 #[expect(unreachable_pub, reason = "the harness has it as well")]
 mod pytorch;
+mod render;
 mod scenes;
 mod surroundings;
 mod train;

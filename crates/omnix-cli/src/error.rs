@@ -189,6 +189,36 @@ pub(crate) enum CliError {
         /// Bytes of the run on the device.
         needed: u64,
     },
+    /// A folder that has no points.
+    #[error(
+        "there is nothing to render, neither field.safetensors nor exports/npz/results.npz nor a scene with depth: reconstruct again \
+         with --export field (what moves, too) or npz: {}", path.display()
+    )]
+    NothingToRender {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Pictures of more points than there is memory for.
+    #[error(
+        "these pictures take {} and {} may be used: --points draws fewer points, --size makes smaller pictures", bytes::show(*needed),
+        bytes::show(*budget)
+    )]
+    PicturesTooLarge {
+        /// Bytes that they take.
+        needed: u64,
+        /// Bytes that may be taken.
+        budget: u64,
+    },
+    /// Ctrl-C between the pictures of a folder.
+    #[error("interrupted: {finished} of {pictures} pictures were finished and are in {}", dir.display())]
+    RenderInterrupted {
+        /// Pictures that were written.
+        finished: usize,
+        /// Pictures in all.
+        pictures: usize,
+        /// Their folder.
+        dir: PathBuf,
+    },
     /// Ctrl-C after the geometry.
     #[error("interrupted: depth and cameras of all {images} images were finished and can be read in {}; what moves was not", dir.display())]
     MotionInterrupted {
@@ -283,12 +313,15 @@ impl CliError {
             Self::Eval(EvalError::Write { .. }) => 6,
             Self::Eval(EvalError::TooLarge { .. }) => 5,
             Self::Eval(_) | Self::TinyPicture { .. } | Self::BadWeights { .. } | Self::BadData { .. } => 3,
+            Self::NothingToRender { .. } => 3,
             Self::TooLarge { .. } | Self::TensorTooLarge { .. } | Self::TooMuch { .. } | Self::LargePicture { .. } => 5,
+            Self::PicturesTooLarge { .. } => 5,
             Self::Stdout(_) | Self::File { .. } | Self::DiskSpace { .. } | Self::FileLimit { .. } => 6,
             Self::Interrupted { .. }
             | Self::WindowsInterrupted { .. }
             | Self::MotionInterrupted { .. }
-            | Self::CheckInterrupted { .. } => 130,
+            | Self::CheckInterrupted { .. }
+            | Self::RenderInterrupted { .. } => 130,
         }
     }
 

@@ -8,6 +8,7 @@ pub(crate) mod eval;
 pub(crate) mod plan;
 pub(crate) mod query;
 pub(crate) mod reconstruct;
+pub(crate) mod render;
 pub(crate) mod scenes;
 pub(crate) mod train;
 pub(crate) mod weights;
@@ -38,6 +39,8 @@ pub(crate) enum Command {
     Reconstruct(reconstruct::ReconstructArgs),
     /// Paths of points from a saved field: of one image, the pixels and times asked for.
     Query(query::QueryArgs),
+    /// Pictures and films of a run's points, with trails and cameras, from any view and at any time.
+    Render(render::RenderArgs),
     /// What a run would take: memory, operations, chunks and files. Needs no GPU.
     Plan(plan::PlanArgs),
     /// Trains a network on made scenes, with gradients, optimiser and checkpoints of this program's own.
@@ -67,6 +70,7 @@ impl Command {
         match self {
             Self::Reconstruct(args) => args.run.json,
             Self::Query(args) => args.json,
+            Self::Render(args) => args.json,
             Self::Plan(args) => args.run.json,
             Self::Train(args) => args.json,
             Self::Devices(args) => args.json,
@@ -85,6 +89,7 @@ pub(crate) fn run(command: Command, ui: &mut Ui) -> Result<(), CliError> {
     match command {
         Command::Reconstruct(args) => reconstruct::run(&args, ui),
         Command::Query(args) => query::run(&args, ui),
+        Command::Render(args) => render::run(&args, ui),
         Command::Plan(args) => plan::run(&args, ui),
         Command::Train(args) => train::run(&args, ui),
         Command::Devices(args) => devices::run(&args, ui),

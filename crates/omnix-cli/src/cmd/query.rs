@@ -80,7 +80,7 @@ pub(crate) fn run(args: &QueryArgs, ui: &mut Ui) -> Result<(), CliError> {
     let engine = args.device.open()?;
     let field = Field::open(&engine, &args.field)?;
     let shape = *field.shape();
-    let times = times(args.times.as_deref(), &shape)?;
+    let times = times(args.times.as_deref(), shape.images)?;
     let pixels = args.which.read(&shape)?;
     let mut positions = Vec::new();
     let (mut flat, mut theta) = (None, Vec::new());
@@ -146,24 +146,24 @@ fn show(args: &QueryArgs, table: &PathTable<'_>, ui: &mut Ui) -> Result<(), CliE
 }
 
 /// The target times of `--times`.
-fn times(text: Option<&str>, shape: &FieldShape) -> Result<Vec<usize>, CliError> {
-    let Some(text) = text else { return Ok((0..shape.images).collect()) };
+pub(crate) fn times(text: Option<&str>, images: usize) -> Result<Vec<usize>, CliError> {
+    let Some(text) = text else { return Ok((0..images).collect()) };
     let bad = || wrong(format!("`{text}` are no times: write A..B (without B), or some such as 0,3,7"));
     let number = |part: &str| part.trim().parse::<usize>().map_err(|_| bad());
-    let none = |time| wrong(format!("there is no time {time}: this field has times 0..{}", shape.images));
+    let none = |time| wrong(format!("there is no time {time}: times go from 0 to {}", images.saturating_sub(1)));
     let times: Vec<usize> = match text.split_once("..") {
         Some((from, to)) => {
             let from = if from.trim().is_empty() { 0 } else { number(from)? };
-            let to = if to.trim().is_empty() { shape.images } else { number(to)? };
+            let to = if to.trim().is_empty() { images } else { number(to)? };
             // Before the range is collected: its end is whatever was typed.
-            if to > shape.images {
+            if to > images {
                 return Err(none(to - 1));
             }
             (from..to).collect()
         }
         None => text.split(',').map(number).collect::<Result<_, _>>()?,
     };
-    match times.iter().find(|t| **t >= shape.images) {
+    match times.iter().find(|t| **t >= images) {
         Some(time) => Err(none(*time)),
         None if times.is_empty() => Err(bad()),
         None => Ok(times),
@@ -226,14 +226,13 @@ mod tests {
 
     #[test]
     fn times_are_ranges_or_lists() {
-        let shape = FieldShape { images: 5, height: 14, width: 14, grid: [1, 1], levels: 1, points: 1 };
-        assert_eq!(times(None, &shape).unwrap(), [0, 1, 2, 3, 4]);
-        assert_eq!(times(Some("1..3"), &shape).unwrap(), [1, 2]);
-        assert_eq!(times(Some("3.."), &shape).unwrap(), [3, 4]);
-        assert_eq!(times(Some("4, 0"), &shape).unwrap(), [4, 0]);
+        assert_eq!(times(None, 5).unwrap(), [0, 1, 2, 3, 4]);
+        assert_eq!(times(Some("1..3"), 5).unwrap(), [1, 2]);
+        assert_eq!(times(Some("3.."), 5).unwrap(), [3, 4]);
+        assert_eq!(times(Some("4, 0"), 5).unwrap(), [4, 0]);
         let huge = ["0..99999999999", "0..18446744073709551615", "4..18446744073709551615", "18446744073709551615"];
         for bad in ["5", "0..6", "2..2", "6..5", "7..8", "x", "1-3", ""].into_iter().chain(huge) {
-            assert!(times(Some(bad), &shape).is_err(), "{bad}");
+            assert!(times(Some(bad), 5).is_err(), "{bad}");
         }
     }
 
