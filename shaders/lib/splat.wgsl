@@ -79,6 +79,17 @@ fn lib_distances(splat: Splat, x: i32, y: i32) -> vec4<f32> {
     return across * across + down * down;
 }
 
+// The first and the last column of row y that the disc may touch: corners of the box around it have no part of it.
+fn lib_span(splat: Splat, y: i32) -> vec2<i32> {
+    let down = max(abs(f32(y) + 0.5 - splat.centre.y) - LIB_OUTERMOST, 0.0);
+    // A little more, so that rounding loses no sample on the edge.
+    let half = sqrt(max(splat.radius * splat.radius - down * down, 0.0)) + LIB_OUTERMOST + 0.001;
+    let middle = splat.centre.x - 0.5;
+    let low = max(ceil(middle - half), f32(splat.low.x));
+    let high = min(floor(middle + half), f32(splat.high.x));
+    return vec2<i32>(vec2<f32>(low, high));
+}
+
 // The pixel's place in the band.
 fn lib_pixel(x: i32, y: i32) -> u32 {
     return (u32(y) - p.row) * p.width + u32(x);

@@ -29,7 +29,8 @@ fn main(
     let green = (colour >> 8u) & 255u;
     let blue = (colour >> 16u) & 255u;
     for (var y = splat.low.y; y <= splat.high.y; y++) {
-        for (var x = splat.low.x; x <= splat.high.x; x++) {
+        let span = lib_span(splat, y);
+        for (var x = span.x; x <= span.y; x++) {
             let distances = lib_distances(splat, x, y);
             let shares = vec4<u32>(15.0 - 14.0 * clamp(distances / reach, vec4<f32>(0.0), vec4<f32>(1.0)));
             let at = lib_pixel(x, y) * 4u;

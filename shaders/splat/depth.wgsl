@@ -21,7 +21,8 @@ fn main(
     let bits = bitcast<u32>(splat.z);
     let reach = splat.radius * splat.radius;
     for (var y = splat.low.y; y <= splat.high.y; y++) {
-        for (var x = splat.low.x; x <= splat.high.x; x++) {
+        let span = lib_span(splat, y);
+        for (var x = span.x; x <= span.y; x++) {
             let inside = lib_distances(splat, x, y) <= vec4<f32>(reach);
             let at = lib_pixel(x, y) * 4u;
 #for k in 0..4

@@ -11,7 +11,7 @@ const TRAIL: [f32; 2] = [2.6, 0.8];
 /// Width of the lines of a frustum, and of that of the picture's own time.
 const FRUSTUM: [f32; 2] = [1.6, 3.2];
 /// Height of a frustum, as a share of the distance of what is seen.
-const REACH: f32 = 0.1;
+const REACH: f32 = 0.05;
 /// The edges of a frustum between its centre and its corners.
 const EDGES: [[usize; 2]; 8] = [[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1]];
 /// A path shorter than this share of the distance of what is seen has no trail.

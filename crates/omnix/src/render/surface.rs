@@ -8,7 +8,7 @@
 /// Depth gained for each unit across, above which two neighbours are not of one surface: a floor seen at less than 3 degrees.
 const STEEPEST: f32 = 20.0;
 /// Radius of a disc for a distance of neighbours: half the diagonal of a square, and some overlap.
-const OVERLAP: f32 = 0.8;
+const OVERLAP: f32 = 0.75;
 /// Largest radius, in distances of pixels at the point's depth: discs face the camera, and large ones would stick out of a surface.
 const LARGEST: f32 = 3.0;
 

@@ -32,7 +32,7 @@ pub(crate) struct RenderArgs {
     /// Carries it up.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = degrees, help_heading = "View", allow_negative_numbers = true)]
     pub(super) pitch: f64,
-    /// Times as far from what it sees as the image's camera. [default: 1 for still, 1.15 for orbit]
+    /// Times as far from what it sees as the image's camera. [default: 1 for still, 1.35 for orbit]
     #[arg(long, value_name = "X", value_parser = factor, help_heading = "View")]
     pub(super) away: Option<f64>,
     /// How far orbit goes to each side; 180 and more is a full circle.

@@ -16,7 +16,7 @@ const NEAR: f32 = 0.02;
 /// How far apart in depth discs of one surface may be: what the depths of several images differ by.
 const LAYER: f32 = 0.015;
 /// Distance of an orbit, in times that of its image's camera.
-const AWAY: f64 = 1.15;
+const AWAY: f64 = 1.35;
 
 /// A picture of the film.
 #[derive(Debug, Clone, Copy, PartialEq)]
