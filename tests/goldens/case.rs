@@ -49,6 +49,15 @@ impl Case {
         Self { tensors: tensors.collect() }
     }
 
+    /// The images, and how many of which height and width.
+    pub(crate) fn images(&self) -> Result<(&Tensor, [usize; 3]), String> {
+        let images = self.get("in.images").or_else(|| self.get("in.image_normalised")).ok_or("no input images")?;
+        let [.., count, 3, height, width] = images.shape[..] else {
+            return Err(format!("images of shape {:?}", images.shape));
+        };
+        Ok((images, [count, height, width]))
+    }
+
     pub(crate) fn get(&self, name: &str) -> Option<&Tensor> {
         self.tensors.get(name)
     }

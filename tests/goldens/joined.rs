@@ -6,7 +6,6 @@ use omnix::{Camera, Engine, Event, Request, RunPlan, Session, WeightType, Weight
 use omnix_tests::gpu;
 
 use crate::case::Case;
-use crate::network::images;
 use crate::ready::Report;
 
 /// What a run told.
@@ -54,7 +53,7 @@ pub(crate) fn run(weights: &Weights, case: &Case, storage: WeightType, report: R
 }
 
 fn told(weights: &Weights, case: &Case, storage: WeightType) -> Result<Told, String> {
-    let (pixels, [count, height, width]) = images(case)?;
+    let (pixels, [count, height, width]) = case.images()?;
     let engine = Engine::new(&gpu().device, &gpu().queue).with_caps(gpu().caps.clone());
     let request = Request::new(count, height, width).storage(storage);
     let text = |e: omnix::OmnixError| e.to_string();

@@ -105,15 +105,6 @@ fn our_name(recorded: &str) -> String {
     }
 }
 
-/// The images of a case, and how many of which height and width.
-pub(crate) fn images(case: &Case) -> Result<(&Tensor, [usize; 3]), String> {
-    let images = case.get("in.images").or_else(|| case.get("in.image_normalised")).ok_or("no input images")?;
-    let [.., count, 3, height, width] = images.shape[..] else {
-        return Err(format!("images of shape {:?}", images.shape));
-    };
-    Ok((images, [count, height, width]))
-}
-
 fn one(
     weights: &Weights,
     network: &Network,
@@ -122,7 +113,7 @@ fn one(
     storage: WeightType,
     report: Report<'_>,
 ) -> Result<(), String> {
-    let (images, [count, height, width]) = images(case)?;
+    let (images, [count, height, width]) = case.images()?;
     let grid = (height / 14, width / 14);
     let wanted = expected(network, case);
     if wanted.is_empty() {

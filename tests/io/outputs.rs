@@ -61,8 +61,10 @@ fn npz_layouts() {
         assert_eq!((shape.as_slice(), extrinsics[12 + 3]), (&[3, 3, 4][..], -0.25));
         let (shape, intrinsics) = array::<f32>(path, "intrinsics");
         assert_eq!((shape.as_slice(), intrinsics[2]), (&[3, 3, 3][..], 14.0));
+        let (shape, sky) = array::<bool>(path, "sky");
+        assert_eq!((shape.as_slice(), &sky[28 * 14..][..made.sky.len()]), (&[3, 14, 28][..], made.sky.as_slice()));
     }
-    assert_eq!(NpzArchive::open(&mini).unwrap().array_names().count(), 4);
+    assert_eq!(NpzArchive::open(&mini).unwrap().array_names().count(), 5);
 }
 
 #[test]
@@ -71,7 +73,7 @@ fn npz_leaves_out_what_is_absent() {
     let made = Made::new(28, 14);
     let mut sinks = open_sinks(&[Export::Npz], dir.path(), &SinkOptions::default()).unwrap();
     let mut frame = made.frame(0, 0, 0);
-    (frame.confidence, frame.extrinsics, frame.intrinsics) = (None, None, None);
+    (frame.confidence, frame.extrinsics, frame.intrinsics, frame.sky) = (None, None, None, None);
     sinks[0].frame(&frame).unwrap();
     let path = sinks.remove(0).finish(&RunSummary::default()).unwrap().remove(0);
     let mut names: Vec<String> = NpzArchive::open(path).unwrap().array_names().map(str::to_owned).collect();

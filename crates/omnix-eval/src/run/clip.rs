@@ -4,7 +4,7 @@ use omnix_data::DataError;
 use omnix_io::preprocess::{Framing, OmnixPreprocess};
 use omnix_io::{IoError, Picture};
 
-use super::{Clip, Network, Seen};
+use super::network::{Clip, Network, Seen};
 use crate::EvalError;
 use crate::depth::Part;
 

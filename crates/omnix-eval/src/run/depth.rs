@@ -6,8 +6,9 @@ use omnix_io::input::load_picture;
 
 use super::benchmarks::depth_sequences;
 use super::clip::{Framed, picture_error, see};
+use super::network::Network;
 use super::scenes::{SceneData, clip_of, picks, sample};
-use super::{Network, Progress, chosen, clips, network_note, spread};
+use super::sequence::{Progress, chosen, clips, network_note, spread};
 use crate::EvalError;
 use crate::clips::ClipRule;
 use crate::depth::{Alignment, Pixels, Range, resize_part};

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Network, Seen};
+use super::network::{Network, Seen};
 use crate::files::tracks::{PixelSet, SourceTracks};
 use crate::kinds::trajectories::ScenePrediction;
 use crate::{EvalError, Rigid};

@@ -7,8 +7,9 @@ use omnix_io::input::load_picture;
 
 use super::benchmarks::pose_sequences;
 use super::clip::{Framed, picture_error, see};
+use super::network::{Network, Seen};
 use super::scenes::{SceneData, clip_of, picks, sample};
-use super::{Network, Progress, Seen, chosen, clips, network_note, spread};
+use super::sequence::{Progress, chosen, clips, network_note, spread};
 use crate::clips::ClipRule;
 use crate::files::folder;
 use crate::kinds::pose::{PoseSet, Sequences, name};

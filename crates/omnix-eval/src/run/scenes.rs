@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use omnix_data::{DataError, Pick, ReadOptions, Sample, Scene, Set, read, sets};
 use omnix_io::Picture;
 
-use super::{Clip, Network};
+use super::network::{Clip, Network};
 use crate::EvalError;
 use crate::files::folder;
 

@@ -11,8 +11,9 @@ use std::path::Path;
 use omnix_io::Picture;
 
 use super::clip::{Framed, see};
+use super::network::{Network, Seen};
 use super::paths::world_to_camera;
-use super::{Network, Progress, Seen, network_note};
+use super::sequence::{Progress, network_note};
 use crate::EvalError;
 use crate::clips::ClipRule;
 use crate::files::tapvid3d::{ClipPrediction, read_pictures};

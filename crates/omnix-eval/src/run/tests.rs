@@ -8,6 +8,7 @@ use omnix_data::{Dense, Flag, Motion, Sample, SampleParts, Set, Time, Unit, sets
 use omnix_geometry::Camera;
 
 use super::*;
+use crate::EvalError;
 use crate::clips::ClipRule;
 use crate::depth::Alignment;
 use crate::files::npz::tests::write as npz;

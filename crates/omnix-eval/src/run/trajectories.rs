@@ -3,9 +3,10 @@
 use omnix_data::{Pick, Rule, draw};
 
 use super::clip::see;
+use super::network::Network;
 use super::paths::NetworkPaths;
 use super::scenes::{SceneData, clip_of, picks, sample};
-use super::{Network, Progress, chosen, network_note, spread};
+use super::sequence::{Progress, chosen, network_note, spread};
 use crate::EvalError;
 use crate::clips::{CLIP_FRAMES, ClipRule};
 use crate::kinds::sequences::{or_fatal, skipped};
