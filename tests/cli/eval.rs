@@ -167,7 +167,7 @@ fn what_a_network_costs_is_counted_and_measured() {
     assert_eq!(ran.code, Some(2), "{}", ran.err);
 }
 
-/// Two scenes of two cameras and so many frames, in the shared layout or the paper's.
+/// Two scenes of two cameras and `frames` frames, in the shared layout or the paper's.
 fn made(out: &Path, frames: &str, layout: &str) {
     let size = ["--size", "56x42", "--layout", layout, "--seed", "4"];
     let more = [&["--scenes", "1", "--cameras", "2", "--frames", frames][..], &size].concat();

@@ -180,7 +180,7 @@ impl MetricPlan {
     }
 }
 
-/// Bytes of so many numbers of each pixel, and of each cell of the ray maps.
+/// Bytes of a number of values for each pixel, and of each cell of the ray maps.
 fn host_bytes(request: &Request, [of_pixel, of_ray]: [u64; 2]) -> u64 {
     let (gh, gw) = request.grid();
     let (pixels, rays) = ((request.height * request.width) as u64, 64 * (gh * gw) as u64);

@@ -109,7 +109,7 @@ fn picture(path: &Path, k: usize) {
     image::RgbImage::from_pixel(56, 28, image::Rgb([grey(k); 3])).save(path).unwrap();
 }
 
-/// A scene of one video of so many frames in the shared layout, with tracks through the pixels of the first.
+/// A scene of one video of `frames` frames in the shared layout, with tracks through the pixels of the first.
 fn scene(dir: &Path, frames: usize) {
     let maps = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f32> {
         (0..frames * PIXELS).map(|i| of(i / PIXELS, i % PIXELS) as f32).collect()

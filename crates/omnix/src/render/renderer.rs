@@ -23,7 +23,7 @@ pub struct RenderPlan {
 }
 
 impl RenderPlan {
-    /// For at most so many points and pictures of `[width, height]`.
+    /// For at most this number of points, and pictures of `[width, height]`.
     ///
     /// # Errors
     /// [`OmnixError::Request`] for a picture without pixels or with more than 16384 columns or rows; a tensor above the limits of the

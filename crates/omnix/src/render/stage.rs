@@ -14,7 +14,7 @@ use crate::error::OmnixError;
 /// Which points of an image are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageOptions {
-    /// At most so many of all images together.
+    /// At most this number of points over all images together.
     pub points: usize,
     /// Points below this percentile of their image's confidence are left out, 0 to 100.
     pub conf_percentile: f32,

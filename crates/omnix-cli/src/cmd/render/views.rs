@@ -35,7 +35,7 @@ pub(super) struct Views {
 }
 
 impl Views {
-    /// Checks what was asked for of a source with so many images.
+    /// Checks what was asked for of a source with this number of images.
     pub(super) fn new(args: &RenderArgs, images: usize) -> Result<Self, CliError> {
         let times = query::times(args.times.as_deref(), images)?;
         let image = args.image.unwrap_or((images - 1) / 2);
