@@ -10,6 +10,7 @@ mod common;
 mod data;
 mod device_lost;
 mod eval;
+mod film_field;
 mod hand_out;
 mod happy;
 #[cfg(unix)]

@@ -6,17 +6,20 @@ use omnix::io::{Export, RunSize};
 use omnix::{FieldPrecision, RunPlan};
 
 use crate::error::CliError;
-use crate::windowing::WindowSize;
+use crate::windowing::{self, WindowSize};
 
 /// Bytes that the exports of a run take, roughly and rather too many; with the pictures that wait in a file, and of a film in
-/// windows, with what they say: depth, confidence and motion score of every pixel, of shared images twice; where points are followed, with the windows' fields.
+/// windows, with what they say: depth, confidence and motion score of every pixel, of shared images twice; where points are followed or the field is saved, with the windows' fields.
 pub(crate) fn wanted(exports: &[Export], size: &RunSize, plan: &RunPlan, windows: Option<WindowSize>) -> u64 {
     let waiting = size.images.saturating_mul(size.pixels).saturating_mul(if windows.is_some() { 3 + 24 } else { 3 });
-    let fields = windows.filter(|_| exports.iter().any(|export| export.loses_points())).map_or(0, |window| {
+    let saved = exports.contains(&Export::Field);
+    let fields = windows.filter(|_| windowing::need_fields(exports)).map_or(0, |window| {
         let each = plan.motion.as_ref().map_or(0, |motion| FieldPrecision::F32.bytes(&motion.shape));
         // The last window of a film is moved back over the one before.
         let count = size.images.div_ceil((window.images - window.overlap) as u64);
-        each.saturating_mul(count)
+        // Those that are saved may be copies; with them go the pictures.
+        let pictures = size.images.saturating_mul(4 * size.pixels);
+        each.saturating_mul(count).saturating_mul(if saved { 2 } else { 1 }).saturating_add(pictures)
     });
     let waiting = waiting.saturating_add(fields);
     let exports = exports.iter().fold(waiting, |sum, export| sum.saturating_add(export.disk_bytes(size)));

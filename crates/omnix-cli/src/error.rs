@@ -425,6 +425,7 @@ fn library_code(error: &OmnixError) -> u8 {
         | OmnixError::NonFinite { .. } => 3,
         OmnixError::Io(io) => file_code(io),
         OmnixError::Window(TensorError::Io { action: "write the file", .. }) => 6,
+        OmnixError::Window(_) => 3,
         OmnixError::Request { .. } | OmnixError::NoMotion { .. } | OmnixError::Query { .. } => 2,
         OmnixError::Interrupted => 130,
         _ => 1,

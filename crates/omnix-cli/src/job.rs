@@ -235,8 +235,9 @@ impl Job {
     /// How large the run is.
     pub(crate) fn size(&self, args: &RunArgs, plan: &RunPlan) -> RunSize {
         let size = size(&self.request, self.input.sources.len(), args, Some(plan)).followed(self.followed(args));
+        let windows = self.window.map_or(0, |_| self.windows().unwrap_or(0) as u64);
         // In windows what moves serves to join them.
-        size.motion(self.request.motion && self.window.is_none())
+        size.motion(self.request.motion && self.window.is_none()).windows(windows)
     }
 
     /// Bytes of all processed pictures, which exports of motion hold in memory; else they wait in a file.

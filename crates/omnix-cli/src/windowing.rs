@@ -85,11 +85,12 @@ pub(crate) fn possible(asked: &[Export], named: bool) -> Result<(Vec<Export>, Ve
     Ok((single, all))
 }
 
-/// The exports among `asked` that are made of single images or of points that may be lost, and those that are not, or of which windows keep
+/// The exports among `asked` that are made of single images, of points that may be lost or of the windows' fields, and those that are not, or of which windows keep
 /// nothing (Gaussians, features).
 pub(crate) fn split(asked: &[Export]) -> (Vec<Export>, Vec<Export>) {
     let made = |export: &Export| {
-        (export.takes_frames() || export.loses_points()) && !export.needs_gaussians() && !export.needs_features()
+        let joined = export.takes_frames() || export.loses_points() || *export == Export::Field;
+        joined && !export.needs_gaussians() && !export.needs_features()
     };
     asked.iter().copied().partition(made)
 }
@@ -97,6 +98,11 @@ pub(crate) fn split(asked: &[Export]) -> (Vec<Export>, Vec<Export>) {
 /// The exports of points among these.
 pub(crate) fn of_points(exports: &[Export]) -> Vec<Export> {
     exports.iter().copied().filter(|export| export.loses_points()).collect()
+}
+
+/// Whether the windows' fields are kept for any of these.
+pub(crate) fn need_fields(exports: &[Export]) -> bool {
+    exports.iter().any(|export| export.loses_points() || *export == Export::Field)
 }
 
 /// Their names.

@@ -34,6 +34,8 @@ pub(crate) use maps::{ImageMaps, Maps};
 pub use query::{PathPiece, Paths, Pixels, Query, ResidentPaths};
 #[cfg(feature = "io")]
 pub use saved::FieldPrecision;
+#[cfg(feature = "io")]
+pub(crate) use saved::WINDOW;
 pub use shape::FieldShape;
 pub(crate) use shape::Part;
 pub(crate) use store::{Store, copy};
@@ -81,6 +83,8 @@ pub struct About {
     pub unit: String,
     /// A caution that belongs with every result.
     pub note: Option<String>,
+    /// Digest of the window of a film that it is the field of.
+    pub window: Option<String>,
 }
 
 /// How the network's points move.

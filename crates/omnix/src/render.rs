@@ -36,6 +36,8 @@
 
 #[cfg(not(target_arch = "wasm32"))]
 mod field;
+#[cfg(feature = "io")]
+mod film;
 mod lines;
 mod marks;
 mod renderer;

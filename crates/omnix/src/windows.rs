@@ -29,18 +29,22 @@
 //!
 //! *Points* (`follow.rs`). Where paths are wanted, every window's field is kept in a file too. A chosen pixel is followed by its own window's field; over a
 //! seam it goes on where the next window shows the same place of the world, and is lost where none of the shared images does.
+//! Saved (`film_field.rs`), the windows' fields and what joins them answer for any pixels and times of the film.
 
 mod chain;
 mod cuts;
 mod film;
+mod film_field;
 mod follow;
 mod layout;
 mod run;
 mod stored;
+mod view;
 
 pub use chain::{Apart, Chain, MOST_APART, Placement, Seam};
 pub use cuts::Cuts;
 pub use film::{Film, FilmImage};
+pub use film_field::{FilmField, FilmFiles};
 pub use follow::{Follow, Followed, OpenField, WindowField};
 pub use layout::{Layout, Window};
 pub use run::{Pictures, Windows, still_up_to, window_request};

@@ -93,7 +93,8 @@ pub(crate) fn run(args: &PlanArgs, ui: &mut Ui) -> Result<(), CliError> {
             let followed = asked
                 .filter(|_| args.run.points.is_none())
                 .map_or(size.followed, |asked| size.followed * asked.images as u64 / u64::from(images));
-            let size = size.motion(size.motion && asked.is_none()).followed(followed);
+            let each = windows["count"].as_u64().unwrap_or(0);
+            let size = size.motion(size.motion && asked.is_none()).followed(followed).windows(each);
             (plan, weights, exports, size, 0)
         } else {
             let mut job = Job::new(&args.inputs, &args.run, ui)?;

@@ -1,5 +1,7 @@
 //! `omnix query`: paths of points from a saved field, without computing any others.
 
+mod saved;
+
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
@@ -7,18 +9,20 @@ use clap::Args;
 use omnix::io::input::load_picture;
 use omnix::io::output::motion::ImageTime;
 use omnix::io::output::paths::PathTable;
-use omnix::{Field, FieldShape, OmnixError, Pixels, Query};
+use omnix::{OmnixError, Pixels};
 use serde_json::json;
 
 use crate::args::DeviceArgs;
 use crate::error::CliError;
 use crate::ui::{self, Ui};
+use saved::Saved;
 
 /// Arguments of `omnix query`.
 #[derive(Debug, Args)]
 #[command(after_long_help = crate::error::EXIT_CODES)]
 pub(crate) struct QueryArgs {
-    /// field.safetensors of a run with `--export field`.
+    /// field.safetensors of a run with `--export field`. Of a film in windows, points are followed from window to window: positions are NaN
+    /// in `.npz`, null in `--json` and absent in CSV from where a point is lost on.
     #[arg(value_name = "FIELD")]
     field: PathBuf,
     /// Source image, by its global index.
@@ -78,27 +82,19 @@ fn wrong(reason: String) -> CliError {
 /// Evaluates and prints.
 pub(crate) fn run(args: &QueryArgs, ui: &mut Ui) -> Result<(), CliError> {
     let engine = args.device.open()?;
-    let field = Field::open(&engine, &args.field)?;
-    let shape = *field.shape();
-    let times = times(args.times.as_deref(), shape.images)?;
-    let pixels = args.which.read(&shape)?;
-    let mut positions = Vec::new();
-    let (mut flat, mut theta) = (None, Vec::new());
-    // A run of neighbouring times is one evaluation.
-    for run in times.chunk_by(|a, b| a + 1 == *b) {
-        let range = run[0]..run[run.len() - 1] + 1;
-        let paths = field.paths(&Query::new(args.image, pixels.clone(), range))?;
-        positions.extend(paths.positions);
-        (flat, theta) = (paths.pixels, paths.theta);
-    }
-    let flat = flat.unwrap_or_else(|| (0..shape.pixels() as u32).collect());
+    let field = Saved::open(&engine, &args.field)?;
+    let times = times(args.times.as_deref(), field.images().len())?;
+    let [height, width] = field.size();
+    let pixels = args.which.read(width, height)?;
+    let (flat, positions) = field.paths(args.image, &pixels, &times)?;
     let known = field.pixel_values(args.image, &pixels)?;
     let when: Vec<ImageTime> = times
         .iter()
         .map(|t| &field.images()[*t])
         .map(|i| ImageTime { video: i.video, frame: i.frame, time_s: i.time_s })
         .collect();
-    let list: Vec<[u32; 2]> = flat.iter().map(|p| [p % shape.width as u32, p / shape.width as u32]).collect();
+    let list: Vec<[u32; 2]> = flat.iter().map(|p| [p % width as u32, p / width as u32]).collect();
+    let theta = &known.theta;
     let moving: Vec<bool> = theta.iter().map(|t| field.moves(*t)).collect();
     let table = PathTable {
         image: args.image,
@@ -107,7 +103,7 @@ pub(crate) fn run(args: &QueryArgs, ui: &mut Ui) -> Result<(), CliError> {
         pixels: &list,
         positions: &positions,
         confidence: &known.confidence,
-        theta: &theta,
+        theta,
         moving: &moving,
         colours: known.colours.as_deref(),
     };
@@ -171,20 +167,18 @@ pub(crate) fn times(text: Option<&str>, images: usize) -> Result<Vec<usize>, Cli
 }
 
 impl Which {
-    fn read(&self, shape: &FieldShape) -> Result<Pixels, CliError> {
+    fn read(&self, width: usize, height: usize) -> Result<Pixels, CliError> {
         if let Some(step) = self.stride {
             return Ok(Pixels::Stride(step));
         }
         if let Some(path) = &self.mask {
             let mask = load_picture(path)?;
-            if (mask.width as usize, mask.height as usize) != (shape.width, shape.height) {
+            if (mask.width as usize, mask.height as usize) != (width, height) {
                 return Err(wrong(format!(
-                    "the mask {} has {}x{} pixels and the images of this field {}x{}: scale it to that size",
+                    "the mask {} has {}x{} pixels and the images of this field {width}x{height}: scale it to that size",
                     path.display(),
                     mask.width,
                     mask.height,
-                    shape.width,
-                    shape.height
                 )));
             }
             return Ok(Pixels::Mask(mask.data.as_chunks::<3>().0.iter().map(|c| c.iter().any(|v| *v > 0)).collect()));

@@ -134,6 +134,7 @@ impl FileKind {
             Each::StillRun => usize::from(!size.motion),
             Each::MovingRun => usize::from(size.motion),
             Each::Image => size.images as usize,
+            Each::Window => size.windows as usize,
             Each::OnlyVideo => usize::from(size.videos == 1),
             Each::Video => {
                 if size.videos > 1 {
@@ -162,6 +163,8 @@ pub(super) enum Each {
     MovingRun,
     /// One per image, numbered as images are.
     Image,
+    /// One a window of a film in windows, numbered as windows are.
+    Window,
     /// One, if there is one video.
     OnlyVideo,
     /// One a video, if there are several.
@@ -188,6 +191,8 @@ settings! {
         pub images: u64,
         /// Number of videos.
         pub videos: u64,
+        /// Number of windows of a film in windows.
+        pub windows: u64,
         /// Pixels of an image.
         pub pixels: u64,
         /// Whether trajectories are made.

@@ -1,13 +1,13 @@
 //! Paths of chosen points of one image, as a table: what a query of a field gives.
 //!
 //! `.npz`: T times that were asked for, N points.
-//! * `trajectory` `f32 [T,N,3]`: where each point is at each time; world frame, OpenCV axes, the network's scale
+//! * `trajectory` `f32 [T,N,3]`: where each point is at each time; world frame, OpenCV axes, the network's scale; NaN where it is lost
 //! * `pixel` `i32 [N,2]`: column and row in the processed picture; `rgb` `u8 [N,3]`: its colour, where the picture is known
 //! * `confidence` `f32 [N]`: of the path, at least 1; `theta` `f32 [N]`: motion score; `moving` `bool [N]`: whether it moves at all
 //! * `source` `i32 [1]`: the image; `time`, `video`, `frame` `i32 [T]`; `seconds` `f64 [T]`, NaN where unknown
 //!
 //! CSV (RFC 4180, a header line): `image,x,y,time,video,frame,seconds,px,py,pz,theta,confidence,moving`, one line per point and
-//! time, points in their order. Numbers are the shortest that give back the f32.
+//! time where the point is not lost, points in their order. Numbers are the shortest that give back the f32.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ pub struct PathTable<'a> {
     pub when: &'a [ImageTime],
     /// Columns and rows.
     pub pixels: &'a [[u32; 2]],
-    /// `[times][pixels][3]`.
+    /// `[times][pixels][3]`; NaN where a point is lost.
     pub positions: &'a [f32],
     /// `[pixels]`, at least 1.
     pub confidence: &'a [f32],
@@ -86,7 +86,11 @@ impl PathTable<'_> {
         let n = self.pixels.len();
         for (i, [x, y]) in self.pixels.iter().enumerate() {
             for (k, (time, when)) in self.times.iter().zip(self.when).enumerate() {
-                let [px, py, pz] = [0, 1, 2].map(|c| self.positions[3 * (k * n + i) + c]);
+                let place = &self.positions[3 * (k * n + i)..][..3];
+                if place.iter().all(|v| v.is_nan()) {
+                    continue;
+                }
+                let (px, py, pz) = (place[0], place[1], place[2]);
                 let seconds = when.time_s.map_or_else(String::new, |s| s.to_string());
                 writeln!(
                     out,
@@ -126,5 +130,9 @@ mod tests {
         table.write_csv(&mut text).unwrap();
         let lines: Vec<&str> = std::str::from_utf8(&text).unwrap().lines().skip(1).collect();
         assert_eq!(lines, ["3,7,9,0,1,0,,1,2,0.1,0.25,1.5,0", "3,7,9,2,1,2,0.5,-1,0,4,0.25,1.5,0"]);
+        let lost = PathTable { positions: &[f32::NAN, f32::NAN, f32::NAN, -1.0, 0.0, 4.0], ..table };
+        let mut text = Vec::new();
+        lost.write_csv(&mut text).unwrap();
+        assert_eq!(std::str::from_utf8(&text).unwrap().lines().skip(1).collect::<Vec<_>>(), lines[1..]);
     }
 }

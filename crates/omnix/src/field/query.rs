@@ -89,7 +89,7 @@ pub struct ResidentPaths {
 
 impl Pixels {
     /// Flat indices of the pixels, `None` for all.
-    pub(super) fn resolve(&self, shape: &FieldShape) -> Result<Option<Vec<u32>>, OmnixError> {
+    pub(crate) fn resolve(&self, shape: &FieldShape) -> Result<Option<Vec<u32>>, OmnixError> {
         let (width, height) = (shape.width, shape.height);
         let wrong = |reason: String| OmnixError::Query { reason };
         match self {

@@ -15,7 +15,8 @@
 //! | `seconds` | F64 | T | from the start of its video; NaN where unknown (F32 in files of version 1) |
 //! | `pictures` | U32 | T, H, W | red + 256 green + 65536 blue; only if there are pictures |
 //!
-//! `__metadata__`: `format`, `version` (`omnix_io::output::field`), `shape` and `motion` (JSON), `network`, `weights`, `unit`, `note`.
+//! `__metadata__`: `format`, `version` (`omnix_io::output::field`), `shape` and `motion` (JSON), `network`, `weights`, `unit`, `note`;
+//! of the field of a film's window also `window`, the window's digest.
 //! An F32 file gives back the very bits; F16 rounds, so that a score near the gate's threshold may fall on its other side.
 
 use std::collections::BTreeMap;
@@ -135,8 +136,8 @@ impl Field {
             ("weights".to_owned(), about.weights.clone()),
             ("unit".to_owned(), about.unit.clone()),
         ]);
-        if let Some(note) = &about.note {
-            metadata.insert("note".to_owned(), note.clone());
+        for (name, said) in [("note", &about.note), (WINDOW, &about.window)] {
+            metadata.extend(said.iter().map(|said| (name.to_owned(), said.clone())));
         }
         metadata
     }
@@ -165,6 +166,7 @@ impl Field {
             weights: said(&file, "weights"),
             unit: said(&file, "unit"),
             note: file.metadata("note").map(str::to_owned),
+            window: file.metadata(WINDOW).map(str::to_owned),
         };
         let known = known(&file, &shape)?;
         let pictures = file.has("pictures");
@@ -175,6 +177,8 @@ impl Field {
     }
 }
 
+/// In the metadata of the field of a film's window: the window's digest.
+pub(crate) const WINDOW: &str = "window";
 /// Bytes of a JSON text in the metadata; ours have about a hundred.
 const LONGEST: usize = 4096;
 

@@ -4,10 +4,18 @@ use omnix_geometry::Camera;
 
 use super::{ImagePoints, Source};
 use crate::error::OmnixError;
-use crate::field::{Field, Pixels, Query};
+use crate::field::{Field, FieldImage, Pixels, Query};
 
 /// What a picture shows of an image whose own picture is not known.
 const GREY: [u8; 3] = [150; 3];
+
+/// The camera of an image whose pixels have their centres at halves: the network's have them at whole numbers.
+pub(super) fn centred(image: &FieldImage) -> Camera {
+    let mut camera = image.camera;
+    camera.intrinsics[0][2] += 0.5;
+    camera.intrinsics[1][2] += 0.5;
+    camera
+}
 
 impl Source for Field {
     fn size(&self) -> [usize; 2] {
@@ -15,13 +23,6 @@ impl Source for Field {
     }
 
     fn cameras(&self) -> Vec<Camera> {
-        let centred = |image: &crate::FieldImage| {
-            let mut camera = image.camera;
-            // The network's cameras have pixels at whole numbers.
-            camera.intrinsics[0][2] += 0.5;
-            camera.intrinsics[1][2] += 0.5;
-            camera
-        };
         self.images().iter().map(centred).collect()
     }
 

@@ -111,6 +111,7 @@ impl Session {
             weights: weights.checkpoint().name().to_owned(),
             unit: self.plan.unit().to_owned(),
             note: weights.note().map(str::to_owned),
+            window: None,
         };
         let room = self.plan.evaluation_room();
         let FieldBuilder { shape, motion, store, .. } = making;

@@ -88,22 +88,31 @@ impl Chain {
     /// The places that follow from the seams.
     fn of(layout: &Layout, seams: Vec<Seam>) -> Self {
         let mut at = Placement { part: 0, to_part: Similarity::IDENTITY };
-        let (mut placements, mut parts, mut begin) = (vec![at], Vec::new(), 0);
+        let mut placements = vec![at];
         for seam in &seams {
             at = match &seam.outcome {
                 Ok(join) => Placement { to_part: at.to_part.after(&join.similarity), ..at },
-                Err(_) => {
-                    // The earlier window keeps the first half of what they share.
-                    let border = seam.images.start + seam.images.len().div_ceil(2);
-                    parts.push(begin..border);
-                    begin = border;
-                    Placement { part: at.part + 1, to_part: Similarity::IDENTITY }
-                }
+                Err(_) => Placement { part: at.part + 1, to_part: Similarity::IDENTITY },
             };
             placements.push(at);
         }
+        Self { seams, ..Self::placed(layout, placements) }
+    }
+
+    /// Windows in known places, without what is known of their seams.
+    pub(super) fn placed(layout: &Layout, placements: Vec<Placement>) -> Self {
+        let (mut parts, mut begin) = (Vec::new(), 0);
+        for (k, pair) in placements.windows(2).enumerate() {
+            if pair[0].part != pair[1].part {
+                // The earlier window keeps the first half of what they share.
+                let shared = layout.shared(k);
+                let border = shared.start + shared.len().div_ceil(2);
+                parts.push(begin..border);
+                begin = border;
+            }
+        }
         parts.push(begin..layout.images());
-        Self { placements, seams, parts }
+        Self { placements, seams: Vec::new(), parts }
     }
 
     /// Each window's place.

@@ -2,7 +2,7 @@
 //!
 //! A point is a pixel of one image, followed at all times of its image's window by that window's field. Over a seam it goes where the next
 //! window sees it: of the pixels of a shared image around the place where the point is projected to, the one whose own world point is nearest
-//! to it, if that is nearer than [`NEAR`] of the depth and the width of [`FOOTPRINT`] pixels. From there the next window's field follows that
+//! to it, if that is nearer than [`NEAR`](super::view::NEAR) of the depth and the width of [`FOOTPRINT`](super::view::FOOTPRINT) pixels. From there the next window's field follows that
 //! pixel; the small distance between the two points is kept, so that the path goes on where it was. Where it is not found in any shared
 //! image (it has left the picture, or something is before it) the point is lost: its positions are NaN from there on. In shared images
 //! its two paths go over into each other as depth does. Points go both ways, from the window of their image to the film's end and to its
@@ -10,19 +10,16 @@
 
 use std::ops::Range;
 
-use omnix_geometry::{Camera, PixelCentre, project};
+use omnix_geometry::Camera;
 use omnix_io::output::{PointOptions, choose_points};
 
 use super::chain::Chain;
 use super::layout::Layout;
+use super::view::View;
 use crate::error::OmnixError;
 
-/// Distance to the pixel where a point goes on, at most, in parts of the depth.
-const NEAR: f32 = 0.02;
-/// And in pixels.
-const FOOTPRINT: f32 = 1.5;
-/// Pixels around the projected place that are looked at: networks that do not agree with themselves put their points some pixels away.
-const AROUND: i64 = 6;
+/// Bytes of the positions that [`Follow::pixels`] keeps at a time.
+const AT_ONCE: usize = 64 << 20;
 
 /// What a window's field says, of images counted from the window's first.
 pub trait WindowField {
@@ -130,39 +127,96 @@ impl Follow<'_> {
             self.choose(k, budget, seed, &mut *open(k)?, &mut followed)?;
         }
         firsts.push(followed.source.len());
-        followed.positions = vec![f32::NAN; 3 * self.images().len() * followed.source.len()];
         let native = |k: usize| firsts[k - windows.start]..firsts[k - windows.start + 1];
+        let mut walk = Walk::new(self.images(), followed.source.clone(), followed.pixel.clone());
+        self.walk(&mut walk, windows.clone(), &native, open, &mut step)?;
+        followed.positions = walk.positions;
+        Ok(followed)
+    }
+
+    /// Where pixels of an image of the part are at some times (images of the film), `[times][pixels][3]`: NaN where a point is lost, and
+    /// outside the part. Only windows between the image and these times are opened. What it takes in memory is bounded, however many pixels
+    /// and windows there are. `each` is called before every step.
+    ///
+    /// # Errors
+    /// Failures of `open` and of the fields it opens, or of `each`.
+    pub fn pixels(
+        &self,
+        (image, pixels): (usize, &[[u32; 2]]),
+        times: &[usize],
+        open: OpenField<'_>,
+        each: &mut dyn FnMut() -> Result<(), OmnixError>,
+    ) -> Result<Vec<f32>, OmnixError> {
+        let mut positions = vec![f32::NAN; 3 * times.len() * pixels.len()];
+        let inside = times.iter().copied().filter(|time| self.images().contains(time));
+        let (Some(own), Some(least), Some(most)) = (self.window_of(image), inside.clone().min(), inside.max()) else {
+            return Ok(positions);
+        };
+        // The next window has a say in what is shared with it.
+        let mut windows = own..own + 1;
+        while windows.end < self.windows().end && self.layout.shared(windows.end - 1).start <= most {
+            windows.end += 1;
+        }
+        while windows.start > self.windows().start && self.layout.shared(windows.start - 1).end > least {
+            windows.start -= 1;
+        }
+        let span = self.times(windows.start).start..self.times(windows.end - 1).end;
+        let at_once = (AT_ONCE / (12 * span.len())).max(1);
+        for (chunk, some) in pixels.chunks(at_once).enumerate() {
+            let mut walk = Walk::new(span.clone(), vec![image; some.len()], some.to_vec());
+            self.walk(&mut walk, windows.clone(), &|k| 0..if k == own { some.len() } else { 0 }, open, each)?;
+            for (row, time) in times.iter().enumerate().filter(|(_, time)| span.contains(time)) {
+                let first = 3 * (row * pixels.len() + chunk * at_once);
+                let from = 3 * (time - span.start) * some.len();
+                positions[first..first + 3 * some.len()].copy_from_slice(&walk.positions[from..][..3 * some.len()]);
+            }
+        }
+        Ok(positions)
+    }
+
+    /// Follows the points of a walk from their windows, `native`, forth and back through `windows`.
+    fn walk(
+        &self,
+        walk: &mut Walk,
+        windows: Range<usize>,
+        native: &dyn Fn(usize) -> Range<usize>,
+        open: OpenField<'_>,
+        step: &mut dyn FnMut() -> Result<(), OmnixError>,
+    ) -> Result<(), OmnixError> {
         let mut active: Vec<usize> = Vec::new();
         for k in windows.clone() {
             step()?;
+            if active.is_empty() && native(k).is_empty() {
+                continue;
+            }
             let mut field = open(k)?;
             let seam = k.checked_sub(1).filter(|before| windows.contains(before));
             let mut entries = match seam {
-                Some(before) => self.carry(&active, before, k, &mut *field, &followed)?,
+                Some(before) => self.carry(&active, before, k, &mut *field, walk)?,
                 None => Vec::new(),
             };
             entries.extend(native(k).map(|point| Entry {
                 point,
-                image: followed.source[point],
-                pixel: followed.pixel[point],
+                image: walk.source[point],
+                pixel: walk.pixel[point],
                 offset: [0.0; 3],
             }));
             active = entries.iter().map(|entry| entry.point).collect();
-            self.evaluate(k, seam, entries, &mut *field, &mut followed)?;
+            self.evaluate(k, seam, entries, &mut *field, walk)?;
         }
         active.clear();
         for k in windows.clone().rev() {
             step()?;
-            if k + 1 < windows.end {
+            if k + 1 < windows.end && !active.is_empty() {
                 let mut field = open(k)?;
-                let entries = self.carry(&active, k, k, &mut *field, &followed)?;
+                let entries = self.carry(&active, k, k, &mut *field, walk)?;
                 active = entries.iter().map(|entry| entry.point).collect();
-                self.evaluate(k, Some(k), entries, &mut *field, &mut followed)?;
+                self.evaluate(k, Some(k), entries, &mut *field, walk)?;
             }
             active.extend(native(k));
             active.sort_unstable();
         }
-        Ok(followed)
+        Ok(())
     }
 
     fn windows(&self) -> Range<usize> {
@@ -189,6 +243,11 @@ impl Follow<'_> {
         let (windows, images) = (self.windows(), self.images());
         let start = if k == windows.start { images.start } else { border(k - 1) };
         start..if k + 1 == windows.end { images.end } else { border(k) }
+    }
+
+    /// The window of the part that an image's points are of.
+    pub(super) fn window_of(&self, image: usize) -> Option<usize> {
+        self.windows().find(|k| self.own(*k).contains(&image))
     }
 
     /// The times at which a window's paths count.
@@ -232,7 +291,7 @@ impl Follow<'_> {
         seam: usize,
         into: usize,
         field: &mut dyn WindowField,
-        followed: &Followed,
+        walk: &Walk,
     ) -> Result<Vec<Entry>, OmnixError> {
         let to_part = self.chain.placements()[into].to_part;
         let from_part = to_part.inverse();
@@ -241,7 +300,7 @@ impl Follow<'_> {
             let place = image - self.first_image(into);
             let view = View { surface: field.points(place)?, camera: field.camera(place), size: self.size };
             for (best, &point) in best.iter_mut().zip(active) {
-                let position = followed.position(image - self.images().start, point);
+                let position = walk.position(image, point);
                 let Some((off, pixel)) = view.nearest(from_part.apply(position)) else { continue };
                 if best.is_none_or(|(least, _)| off < least) {
                     let found = to_part.apply(view.point(pixel));
@@ -260,9 +319,9 @@ impl Follow<'_> {
         seam: Option<usize>,
         mut entries: Vec<Entry>,
         field: &mut dyn WindowField,
-        followed: &mut Followed,
+        walk: &mut Walk,
     ) -> Result<(), OmnixError> {
-        let (begin, start, to_part) = (self.first_image(k), self.images().start, self.chain.placements()[k].to_part);
+        let (begin, to_part) = (self.first_image(k), self.chain.placements()[k].to_part);
         let shared = seam.map_or(0..0, |seam| self.layout.shared(seam));
         // Of the window that is evaluated, at a shared image.
         let weight = |image: usize| {
@@ -270,7 +329,6 @@ impl Follow<'_> {
             if seam == Some(k) { 1.0 - later } else { later }
         };
         entries.sort_by_key(|entry| (entry.image, entry.point));
-        let count = followed.source.len();
         for group in entries.chunk_by(|a, b| a.image == b.image) {
             let pixels: Vec<[u32; 2]> = group.iter().map(|entry| entry.pixel).collect();
             let paths = field.paths(group[0].image - begin, &pixels)?;
@@ -278,7 +336,8 @@ impl Follow<'_> {
                 let row = &paths[3 * (time - begin) * group.len()..][..3 * group.len()];
                 for (entry, position) in group.iter().zip(row.as_chunks::<3>().0) {
                     let moved = to_part.apply(*position);
-                    let to = &mut followed.positions[3 * ((time - start) * count + entry.point)..][..3];
+                    let at = walk.at(time, entry.point);
+                    let to = &mut walk.positions[at..at + 3];
                     for axis in 0..3 {
                         let new = moved[axis] + entry.offset[axis];
                         to[axis] = if to[axis].is_finite() && shared.contains(&time) {
@@ -294,54 +353,36 @@ impl Follow<'_> {
     }
 }
 
-impl Followed {
-    /// Where a point is at a time of the part.
-    fn position(&self, time: usize, point: usize) -> [f32; 3] {
-        let at = 3 * (time * self.source.len() + point);
+/// Points on their way through windows.
+struct Walk {
+    /// The film's images whose times are kept.
+    span: Range<usize>,
+    source: Vec<usize>,
+    pixel: Vec<[u32; 2]>,
+    /// `[images of the span][points][3]`.
+    positions: Vec<f32>,
+}
+
+impl Walk {
+    fn new(span: Range<usize>, source: Vec<usize>, pixel: Vec<[u32; 2]>) -> Self {
+        let positions = vec![f32::NAN; 3 * span.len() * source.len()];
+        Self { span, source, pixel, positions }
+    }
+
+    /// Where the position of a point at an image's time begins.
+    fn at(&self, image: usize, point: usize) -> usize {
+        3 * ((image - self.span.start) * self.source.len() + point)
+    }
+
+    fn position(&self, image: usize, point: usize) -> [f32; 3] {
+        let at = self.at(image, point);
         [self.positions[at], self.positions[at + 1], self.positions[at + 2]]
-    }
-}
-
-/// What a window sees in an image, in its own world.
-struct View {
-    surface: Vec<f32>,
-    camera: Camera,
-    size: [usize; 2],
-}
-
-impl View {
-    fn point(&self, [x, y]: [u32; 2]) -> [f32; 3] {
-        let at = 3 * (y as usize * self.size[1] + x as usize);
-        [self.surface[at], self.surface[at + 1], self.surface[at + 2]]
-    }
-
-    /// The pixel that shows what is nearest to a position, and how far that is in parts of the depth; none where nothing near is shown.
-    fn nearest(&self, position: [f32; 3]) -> Option<(f32, [u32; 2])> {
-        let [u, v, z] = project(position, &self.camera, PixelCentre::Whole);
-        let [height, width] = self.size.map(|side| side as i64);
-        let inside = z > 0.0 && u >= -0.5 && v >= -0.5 && u < width as f32 - 0.5 && v < height as f32 - 0.5;
-        if !inside {
-            return None;
-        }
-        let (x, y) = (u.round() as i64, v.round() as i64);
-        let around = |centre: i64, side: i64| (centre - AROUND).max(0)..(centre + AROUND + 1).min(side);
-        let pixels = around(y, height).flat_map(|y| around(x, width).map(move |x| [x as u32, y as u32]));
-        let squared = |pixel: [u32; 2]| {
-            let found = self.point(pixel);
-            (0..3).map(|i| (found[i] - position[i]).powi(2)).sum::<f32>()
-        };
-        let (square, pixel) = pixels
-            .map(|pixel| (squared(pixel), pixel))
-            .filter(|(d, _)| d.is_finite())
-            .min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let off = square.sqrt() / z;
-        (off <= NEAR + FOOTPRINT / self.camera.intrinsics[0][0]).then_some((off, pixel))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use omnix_geometry::Similarity;
+    use omnix_geometry::{PixelCentre, Similarity, project};
 
     use super::*;
     use crate::windows::stored::{made, store, window_path};
@@ -457,7 +498,8 @@ mod tests {
             };
             let mut times = 0;
             for time in 0..IMAGES {
-                let position = found.position(time, point);
+                let at = 3 * (time * found.source.len() + point);
+                let position = [0, 1, 2].map(|axis| found.positions[at + axis]);
                 if position[0].is_nan() {
                     // It was out of the picture in every shared image of some seam on the way.
                     let way = source.min(time)..source.max(time) + 1;
@@ -476,6 +518,41 @@ mod tests {
             lost += usize::from(times < IMAGES);
         }
         assert!(through > 100 && lost > 100, "{through} over a seam, {lost} lost");
+    }
+
+    #[test]
+    fn pixels_go_where_chosen_points_go_whatever_is_asked_of_them() {
+        let (layout, chain, found) = followed(&[13], 1);
+        let follow = Follow { layout: &layout, chain: &chain, size: SIZE, part: 1 };
+        let opened = std::cell::RefCell::new(Vec::new());
+        let ask = |image: usize, pixels: &[[u32; 2]], times: &[usize]| {
+            let mut open = |k: usize| {
+                opened.borrow_mut().push(k);
+                let images = &layout.windows()[k].images;
+                let fake: Box<dyn WindowField> = Box::new(Fake { k, first: images.start, images: images.len() });
+                Ok(fake)
+            };
+            follow.pixels((image, pixels), times, &mut open, &mut || Ok(())).unwrap()
+        };
+        let bits = |positions: &[f32]| positions.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
+        let all: Vec<usize> = (0..IMAGES).collect();
+        let count = found.source.len();
+        for point in (0..count).step_by(7) {
+            let (image, pixel) = (found.source[point], found.pixel[point]);
+            let path = ask(image, &[pixel], &all);
+            assert!(path[..3 * 13].iter().all(|v| v.is_nan()), "another part");
+            for time in 13..IMAGES {
+                let chosen = &found.positions[3 * ((time - 13) * count + point)..][..3];
+                assert_eq!(bits(&path[3 * time..][..3]), bits(chosen), "point {point} at {time}");
+                assert_eq!(bits(&ask(image, &[pixel], &[time])), bits(chosen), "point {point} at {time} alone");
+            }
+        }
+        // Times of its own window open no other.
+        let own = layout.windows().iter().position(|window| window.images.start == 13).unwrap();
+        opened.borrow_mut().clear();
+        assert!(ask(13, &[[3, 4]], &[13, 14]).iter().all(|v| v.is_finite()));
+        assert_eq!(*opened.borrow(), [own]);
+        assert!(ask(13, &[], &all).is_empty() && ask(13, &[[3, 4]], &[]).is_empty());
     }
 
     #[test]

@@ -54,6 +54,22 @@ impl Layout {
         Ok(Self { images, windows })
     }
 
+    /// Windows that were made before; none if these could not have been.
+    pub(super) fn of(windows: Vec<Window>) -> Option<Self> {
+        let (first, last) = (windows.first()?, windows.last()?);
+        let follows = |pair: &[Window]| {
+            let [before, after] = [0, 1].map(|i| &pair[i].images);
+            let touch = if pair[0].shot == pair[1].shot {
+                after.start > before.start && after.start < before.end && after.end > before.end
+            } else {
+                after.start == before.end
+            };
+            touch && !after.is_empty()
+        };
+        let sound = first.images.start == 0 && !first.images.is_empty() && windows.windows(2).all(follows);
+        sound.then_some(Self { images: last.images.end, windows })
+    }
+
     /// Whether windows of this size and overlap can be joined.
     ///
     /// # Errors

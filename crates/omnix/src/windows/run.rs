@@ -7,7 +7,7 @@ use omnix_graph::ops::Gate;
 
 use super::follow::WindowField;
 use super::layout::{Layout, Window};
-use super::stored::{StoredWindow, WindowImage, field_path, store, window_path};
+use super::stored::{StoredWindow, WindowImage, field_path, is_field_of, store, window_path};
 use crate::engine::Engine;
 use crate::error::OmnixError;
 use crate::event::{Event, FrameGeometry, Listener, WindowBegun};
@@ -36,7 +36,7 @@ pub struct Windows<'a> {
     pub layout: &'a Layout,
     /// Where their files go.
     pub folder: &'a Path,
-    /// Whether the windows' fields are kept, for [`super::Follow`].
+    /// Whether the windows' fields are kept, for [`super::Follow`] and [`super::FilmField`].
     pub fields: bool,
 }
 
@@ -88,7 +88,7 @@ impl Windows<'_> {
             let key = format!("blake3:{}", key.finalize().to_hex());
             let kept = self.fields.then(|| field_path(self.folder, index));
             let found = StoredWindow::open(&path, size).is_ok_and(|stored| stored.key() == key)
-                && kept.as_ref().is_none_or(|path| path.is_file());
+                && kept.as_ref().is_none_or(|path| is_field_of(path, &key));
             let images = window.images.clone();
             listener(Event::Window(WindowBegun { index, windows: windows.len(), images, found }))?;
             if found {
@@ -109,7 +109,8 @@ impl Windows<'_> {
                 made.set_image(place, &numbers)?;
             }
             // The window's own file comes last: where it is, so is the field.
-            store(&path, &key, size, &compute(made, kept.as_deref(), listener)?)?;
+            let kept = kept.as_deref().map(|path| (path, key.as_str()));
+            store(&path, &key, size, &compute(made, kept, listener)?)?;
         }
         Ok(())
     }
@@ -165,8 +166,12 @@ impl WindowField for Field {
     }
 }
 
-/// One window's images; its field into the file `kept`.
-fn compute(session: &mut Session, kept: Option<&Path>, listener: Listener<'_>) -> Result<Vec<WindowImage>, OmnixError> {
+/// One window's images; its field into a file, with the window's digest.
+fn compute(
+    session: &mut Session,
+    kept: Option<(&Path, &str)>,
+    listener: Listener<'_>,
+) -> Result<Vec<WindowImage>, OmnixError> {
     let request = session.plan().request.clone();
     let (rows, columns) = request.grid();
     let rays_size = [8 * rows, 8 * columns];
@@ -193,7 +198,8 @@ fn compute(session: &mut Session, kept: Option<&Path>, listener: Listener<'_>) -
                 Ok(())
             }
             // Its memory goes back at once.
-            Event::Field(mut field) => kept.map_or(Ok(()), |path| {
+            Event::Field(mut field) => kept.map_or(Ok(()), |(path, key)| {
+                field.about_mut().window = Some(key.to_owned());
                 field.images_mut().iter_mut().zip(&images).for_each(|(of, image)| of.camera = image.camera);
                 field.save(path, FieldPrecision::F32).map(drop)
             }),

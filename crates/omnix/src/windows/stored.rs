@@ -11,6 +11,7 @@ use omnix_geometry::Camera;
 use omnix_tensors::{Dtype, TensorError, TensorReader, TensorSpec, TensorWriter};
 
 use crate::error::OmnixError;
+use crate::field::WINDOW;
 
 const FORMAT: &str = "omnix-window-1";
 /// Numbers of a camera.
@@ -26,6 +27,11 @@ pub fn window_path(folder: &Path, k: usize) -> PathBuf {
 #[must_use]
 pub fn field_path(folder: &Path, k: usize) -> PathBuf {
     folder.join(format!("{k:06}.field.safetensors"))
+}
+
+/// Whether a file is the field of the window with this digest.
+pub(super) fn is_field_of(path: &Path, key: &str) -> bool {
+    TensorReader::open(path).is_ok_and(|file| file.metadata().get(WINDOW).is_some_and(|of| of == key))
 }
 
 /// One image as a window has it, in the window's own world.

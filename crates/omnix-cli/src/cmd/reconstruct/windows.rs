@@ -10,9 +10,9 @@ use std::time::Instant;
 use omnix::io::output::motion::{ImageTime, MotionView, MovingPoints};
 use omnix::io::output::{WINDOWS, part_folder, write_motion};
 use omnix::io::preprocess::{exported_picture, normalise};
-use omnix::io::{PictureSpool, SinkOptions, open_sinks};
-use omnix::windows::{Chain, Cuts, Film, Follow, Followed, Layout, Seam, Windows, field_path, still_up_to};
-use omnix::{Engine, Event, Field, OmnixError};
+use omnix::io::{Export, PictureSpool, SinkOptions, open_sinks};
+use omnix::windows::{Chain, Cuts, Film, FilmFiles, Follow, Followed, Layout, Seam, Windows, field_path, still_up_to};
+use omnix::{About, Engine, Event, Field, FieldImage, OmnixError};
 use serde_json::{Value, json};
 
 use super::geometry::{Shown, frame_fields, said, show};
@@ -57,6 +57,46 @@ impl Run<'_> {
             let follow = Follow { layout: &layout, chain: &chain, size: maps, part };
             self.follow(engine, &follow, &folder, &pictures, &options.unit, ui)?;
         }
+        if self.job.exports.contains(&Export::Field) {
+            self.save_field(engine, (&layout, &chain), &pictures, &options.unit, ui)?;
+        }
+        Ok(())
+    }
+
+    /// The windows' fields and what joins them.
+    fn save_field(
+        &mut self,
+        engine: &Engine,
+        (layout, chain): (&Layout, &Chain),
+        pictures: &PictureSpool,
+        unit: &str,
+        ui: &mut Ui,
+    ) -> Result<(), CliError> {
+        begin(&mut self.timings, ui, "exports", "saving the windows' fields");
+        let job = self.job;
+        let frames = job.input.frames.iter().zip(&self.cameras);
+        let images: Vec<FieldImage> = frames
+            .map(|(f, camera)| FieldImage { video: f.video, frame: f.frame, time_s: f.time_s, camera: *camera })
+            .collect();
+        let checkpoint = job.weights.checkpoint();
+        let about = About {
+            network: job.weights.network().config().name.clone(),
+            weights: format!("{} blake3:{}", checkpoint.name(), checkpoint.digest()),
+            unit: unit.to_owned(),
+            note: job.weights.note().map(str::to_owned),
+            window: None,
+        };
+        let size = [job.request.height, job.request.width];
+        let folder = &self.dir.join(WINDOWS);
+        let film = FilmFiles { engine, layout, chain, folder, size, images: &images, about: &about };
+        let mut picture = |image: usize| Ok::<_, OmnixError>(exported_picture(&pictures.get(image)?));
+        let windows = layout.windows().len() as u64;
+        let written = film.save(self.dir, self.args.field_type.into(), &mut picture, &mut |window| {
+            ui.progress(window as u64, windows);
+            stop::answer()
+        })?;
+        self.wrote(written, true);
+        begin(&mut self.timings, ui, "", "");
         Ok(())
     }
 
@@ -70,7 +110,7 @@ impl Run<'_> {
         ui: &mut Ui,
     ) -> Result<(), CliError> {
         let job = self.job;
-        let fields = !windowing::of_points(&job.exports).is_empty();
+        let fields = windowing::need_fields(&job.exports);
         let windows = Windows { engine, weights: &job.weights, request: &job.request, layout, folder, fields };
         let (timings, computing) = (&mut self.timings, &mut self.computing);
         let mut phase = None;

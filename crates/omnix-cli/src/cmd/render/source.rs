@@ -4,6 +4,7 @@ use std::path::Path;
 
 use omnix::geometry::Camera;
 use omnix::render::{ImagePoints, Source};
+use omnix::windows::FilmField;
 use omnix::{Engine, Field, OmnixError};
 use omnix_data::{Flag, Motion, PIXEL, Pick, ReadOptions, Sample, Set, read, sets};
 
@@ -20,7 +21,7 @@ pub(super) fn open(engine: &Engine, path: &Path, video: Option<usize>) -> Result
                 "--video is for scenes and for runs without a field: choose --times".to_owned(),
             ));
         }
-        return Ok(Box::new(Field::open(engine, &field)?));
+        return of_field(engine, &field);
     }
     if sets::of_folder(path).is_none() {
         return Err(CliError::NothingToRender { path: path.to_owned() });
@@ -46,6 +47,22 @@ pub(super) fn open(engine: &Engine, path: &Path, video: Option<usize>) -> Result
         return Err(CliError::NothingToRender { path: path.to_owned() });
     }
     Ok(Box::new(Known(sample)))
+}
+
+/// A saved field of a run, or of a film in windows.
+fn of_field(engine: &Engine, path: &Path) -> Result<Box<dyn Source>, CliError> {
+    if !FilmField::is_one(path) {
+        return Ok(Box::new(Field::open(engine, path)?));
+    }
+    let film = FilmField::open(engine, path)?;
+    match film.parts().len() {
+        1 => Ok(Box::new(film)),
+        parts => Err(CliError::Usage(format!(
+            "the film of {} has {parts} parts, each with a world of its own: render one of them, such as its folder part_000, of a run with \
+             --export npz",
+            path.display()
+        ))),
+    }
 }
 
 /// A sample as a source: depth and, where the data set has them, paths.
