@@ -42,6 +42,7 @@ mod traj_apply;
 mod traj_apply_grad;
 mod trajectory;
 mod winograd;
+mod winograd_weights;
 
 use omnix_benches::{Bench, Options};
 use omnix_kernels::KernelError;
@@ -70,6 +71,7 @@ fn all(bench: &Bench) -> Result<(), KernelError> {
     conv2d::run(bench)?;
     conv2d_weights::run(bench)?;
     winograd::run(bench)?;
+    winograd_weights::run(bench)?;
     resize::run(bench)?;
     resize_grad::run(bench)?;
     copy::run(bench)?;

@@ -3,7 +3,7 @@
 //   y = act(conv(pre(x)) + bias) + residual + residual2, a kernel of 3x3, stride 1, as in lib/conv2d_params
 //
 // by F(4x4, 3x3) (Lavin and Gray 2016, section 4.2): a tile is 4x4 pixels of y, which see 6x6 pixels d of x. With
-//   V = Bt d B,  M[q] = sum_c V[q, c] U[q, c, o] for each of the 36 places q,  y = At M A,  U = G w Gt (on the host),
+//   V = Bt d B,  M[q] = sum_c V[q, c] U[q, c, o] for each of the 36 places q,  y = At M A,  U = G w Gt (made before),
 // that is 36 multiplications a tile, input and output channel, where the sum over taps has 144. The polynomials behind it are
 // evaluated at 0, 3/4, -3/4, 3/2, -3/2 and infinity, not at the paper's 0, 1, -1, 2, -2: a quarter of the rounding error.
 //

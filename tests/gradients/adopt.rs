@@ -2,18 +2,23 @@
 
 use std::collections::BTreeMap;
 
-use omnix_graph::ops::{Binary, HeadNorm, Heads, Unary};
+use omnix_graph::graph::WeightForm;
+use omnix_graph::ops::{Binary, HeadNorm, Heads, Op, Unary};
 use omnix_graph::passes::adopt::{gradient_output, parameter_input};
 use omnix_graph::{Graph, GraphError, Plan, PlanOptions, Shape, Value};
-use omnix_kernels::{Gpu, WeightType};
-use omnix_tests::{Trial, family, gpu, trials};
+use omnix_kernels::{Gpu, Tier, WeightType};
+use omnix_tests::{Trial, assert_close, family, gpu, tiers, trials};
 
 use crate::case::Case;
 
 pub(crate) fn trials() -> Vec<Trial> {
     trials!(
         "adopt",
-        tiers: [inputs_give_the_bits_of_the_store, f16_copies_give_the_bits_of_a_store_of_f16],
+        tiers: [
+            inputs_give_the_bits_of_the_store,
+            f16_copies_give_the_bits_of_a_store_of_f16,
+            large_convolutions_go_by_winograds_algorithm,
+        ],
         device: [
             some_tensors_may_stay_in_the_store,
             each_gradient_is_the_same_without_the_others,
@@ -117,6 +122,47 @@ fn f16_copies_give_the_bits_of_a_store_of_f16(gpu: &Gpu) {
     let largest = names.iter().map(apart).fold(0.0, f64::max);
     assert!((1e-6..2e-2).contains(&largest), "{largest} ({})", family(gpu));
     assert!(matches!(graph.adopt(&names, WeightType::I8), Err(GraphError::Arguments { op: "pack", .. })));
+}
+
+/// Where that pays, forward and for the gradient of the input, with weights that a node or the host transforms. Weights that a small map reads
+/// too are packed once, for the sum over taps.
+fn large_convolutions_go_by_winograds_algorithm(gpu: &Gpu) {
+    let mut case = Case::new("large convolutions");
+    let (x, small) = (case.leaf("x", [1, 44, 45, 64]), case.leaf("small", [1, 4, 5, 64]));
+    let names = ["first", "second", "shared"];
+    let [first, second, shared] = names.map(|name| case.parameter(name, [64, 64, 3, 3]));
+    let mut y = x;
+    for w in [first, second, shared] {
+        let z = case.graph.map(Unary::Gelu, y);
+        let z = case.graph.conv2d(z, w, None, 1, 1).expect("records");
+        y = case.graph.add_values(z, y).expect("adds");
+    }
+    let other = case.graph.conv2d(small, shared, None, 1, 1).expect("records");
+    // Gradients that need what the last ones compute.
+    let squares = [y, other].map(|y| case.graph.map(Unary::Square, y));
+    let loss = case.loss(&squares);
+    let mut graph = case.graph.clone();
+    let names = graph.gradients(loss, &|name| name != "second").expect("differentiates");
+    let adopted = graph.adopt(&names, WeightType::F32).expect("adopts");
+    let plan = Plan::new(&adopted, &gpu.caps, &PlanOptions::default()).expect("plans");
+    let form = |op: &Op| if let Op::Conv2d(conv) = op { Some(conv.form) } else { None };
+    let forms: Vec<WeightForm> = plan.graph.nodes().iter().filter_map(|node| form(&node.op)).collect();
+    use WeightForm::{Conv, ConvGradient, Winograd, WinogradGradient};
+    let want = match gpu.caps.tier {
+        Tier::Software => [Winograd, Winograd, Conv, Conv, WinogradGradient, WinogradGradient],
+        _ => [Conv, Conv, Conv, Conv, ConvGradient, ConvGradient],
+    };
+    assert_eq!(forms, want, "{}", family(gpu));
+    let by_tiles = |op: &Op| if let Op::Conv2dWeights(op) = op { Some(op.winograd) } else { None };
+    let gradients: Vec<bool> = plan.graph.nodes().iter().filter_map(|node| by_tiles(&node.op)).collect();
+    let software = gpu.caps.tier == Tier::Software;
+    assert_eq!(gradients.iter().filter(|winograd| **winograd).count(), if software { 2 } else { 0 }, "{}", family(gpu));
+    let baseline = read(&case, &tiers()[0], &adopted, &names);
+    for (graph, what) in [(&adopted, "packed by a node"), (&graph, "packed by the host")] {
+        for (name, gradient) in read(&case, gpu, graph, &names) {
+            assert_close(&format!("{name}, {what}, {}", family(gpu)), &gradient, &baseline[&name], 1e-5);
+        }
+    }
 }
 
 fn some_tensors_may_stay_in_the_store(gpu: &Gpu) {

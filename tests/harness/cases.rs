@@ -43,6 +43,7 @@ pub mod traj_apply;
 pub mod traj_apply_grad;
 pub mod trajectory;
 pub mod winograd;
+pub mod winograd_weights;
 
 mod case;
 

@@ -61,6 +61,7 @@ const HOST: &[(&str, Layout)] = &[
     ("traj_apply_grad", traj_apply_grad::TrajApplyGradParams::LAYOUT),
     ("trajectory", deform_sample::DeformParams::LAYOUT),
     ("winograd", winograd::WinogradParams::LAYOUT),
+    ("winograd_weights", winograd::WinogradParams::LAYOUT),
 ];
 
 fn host_params_have_the_layout_naga_reports() {

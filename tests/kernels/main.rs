@@ -46,6 +46,7 @@ mod traj_apply;
 mod traj_apply_grad;
 mod trajectory;
 mod winograd;
+mod winograd_weights;
 
 fn main() -> std::process::ExitCode {
     let kernels = [
@@ -94,6 +95,7 @@ fn main() -> std::process::ExitCode {
         traj_apply_grad::trials,
         trajectory::trials,
         winograd::trials,
+        winograd_weights::trials,
     ];
     omnix_tests::trials::run(kernels.iter().flat_map(|trials| trials()).collect())
 }

@@ -65,6 +65,7 @@ pub mod traj_apply;
 pub mod traj_apply_grad;
 pub mod trajectory;
 pub mod winograd;
+pub mod winograd_weights;
 
 pub use activation::Activation;
 pub use caps::{Caps, Cooperative, Tier};

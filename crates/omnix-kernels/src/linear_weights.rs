@@ -212,6 +212,44 @@ impl Place {
     }
 }
 
+/// Products of several pairs of matrices that lie one after the other, on software devices, for any kernel: `to[i] = dy[i]ᵀ x[i]`, with n and k
+/// multiples of 4.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Batch {
+    /// Pairs.
+    pub count: u64,
+    /// Rows of each matrix.
+    pub rows: u64,
+    /// Columns of dy.
+    pub n: u64,
+    /// Columns of x.
+    pub k: u64,
+    /// Whether the sums go on from what the output holds.
+    pub go_on: bool,
+}
+
+impl Batch {
+    /// The dispatch for x, dy and the output.
+    pub(crate) fn dispatch(self, windows: [crate::dispatch::Window; 3]) -> Dispatch {
+        let Self { count, rows, n, k, go_on } = self;
+        let (n_tiles, k_tiles) = (n.div_ceil(32), k.div_ceil(32));
+        let params = LinearWeightsParams {
+            m: (count * rows) as u32,
+            section: rows as u32,
+            n: n as u32,
+            n0: 0,
+            n1: n as u32,
+            k: k as u32,
+            n_tiles: n_tiles as u32,
+            k_tiles: k_tiles as u32,
+            out_step: (n * k) as u32,
+            flags: if go_on { GO_ON } else { 0 },
+            ..LinearWeightsParams::default()
+        };
+        Dispatch::new(&shaders::SOFTWARE, &params, &windows, n_tiles * k_tiles * count)
+    }
+}
+
 /// How the rows of column sums are cut.
 pub(crate) fn column_sections(rows: u64, columns: u64) -> Sections {
     Sections::new(rows, PART, 16_384u64.div_ceil(columns.max(1)), LEAST)

@@ -3,6 +3,7 @@
 
 use omnix_shaders::pack as shaders;
 
+use crate::winograd::PLACES;
 use crate::{Arg, Caps, Dispatch, KernelError, PackedWeights, WeightType};
 
 /// The tensor in the order of the checkpoint.
@@ -50,6 +51,10 @@ pub struct Pack {
     pub order: Order,
     /// Numbers of the tensor.
     pub elements: u32,
+    /// Whether the nine weights of each column and channel become what Winograd's algorithm multiplies by
+    /// ([`crate::winograd::transform`]). `weights` is then of the shape [`crate::winograd::Winograd::weights`], f32, and `order` says where
+    /// the nine are: depth is tap · channels + channel.
+    pub winograd: bool,
 }
 
 crate::layout::params! {
@@ -93,16 +98,23 @@ impl Pack {
         let (kernel, limit) = ("pack", caps.max_binding);
         let unsupported = |reason: String| KernelError::Unsupported { kernel, reason };
         let PackedWeights { n, k, storage } = self.weights;
+        let Order { base, n_lo, n_hi, n_step, k_lo, k_hi, k_step } = self.order;
         let shader = match storage {
+            WeightType::F32 if self.winograd => &shaders::WINOGRAD,
             WeightType::F32 => &shaders::F32,
-            WeightType::F16 => &shaders::F16,
+            WeightType::F16 if !self.winograd => &shaders::F16,
+            WeightType::F16 => return Err(unsupported("transformed weights need more digits than f16 has".to_owned())),
             WeightType::I8 => return Err(unsupported("weights in training are stored as f32 or f16".to_owned())),
         };
-        if n == 0 || k == 0 || self.order.n_lo == 0 || self.order.k_lo == 0 {
+        if n == 0 || k == 0 || n_lo == 0 || k_lo == 0 {
             return Err(unsupported(format!("a matrix of {k} by {n}; it needs at least one row and one column")));
         }
-        if u64::from(n) * u64::from(k) > u64::from(self.elements) {
-            return Err(unsupported(format!("a matrix of {k} by {n} from a tensor of {} numbers", self.elements)));
+        if self.winograd && (n_lo != 1 || u64::from(k) != u64::from(PLACES) * u64::from(k_lo)) {
+            return Err(unsupported(format!("a matrix of {k} by {n} for {k_lo} channels of {PLACES} places each")));
+        }
+        let taken = if self.winograd { 9 * k_lo } else { k };
+        if u64::from(n) * u64::from(taken) > u64::from(self.elements) {
+            return Err(unsupported(format!("a matrix of {taken} by {n} from a tensor of {} numbers", self.elements)));
         }
         let (source, block) = (u64::from(self.elements) * 4, self.weights.block_bytes());
         for bytes in [source, block] {
@@ -114,8 +126,9 @@ impl Pack {
         let blocks = u64::from(self.weights.blocks());
         let dispatch = |first: u64| {
             let count = step.min(blocks - first);
-            let (rows, chunks) = (block / 128, (block / 128).div_ceil(ROWS));
-            let Order { base, n_lo, n_hi, n_step, k_lo, k_hi, k_step } = self.order;
+            let rows = block / 128;
+            // Invocations that share a column: each has some rows of it, or all places of a channel.
+            let chunks = if self.winograd { u64::from(k_lo) } else { rows.div_ceil(ROWS) };
             let params = PackParams {
                 n,
                 k,

@@ -34,7 +34,7 @@ crate::layout::params! {
     pub struct WinogradParams {
         tiles: u32,
         tile0: u32,
-        stride: u32,
+        pub(crate) stride: u32,
         across: u32,
         down: u32,
         hi: u32,
@@ -68,7 +68,7 @@ const SIDE: u64 = 4;
 /// Tiles that a workgroup of the product owns (`TM` in the sidecar file).
 const ROWS: u64 = 32;
 /// Invocations of a workgroup of the transforms.
-const LANES: u64 = 64;
+pub(crate) const LANES: u64 = 64;
 /// Bytes of scratch a band aims at: what stays in the last cache. Where the weights are more, as much as they, since every band
 /// reads all of them.
 const SCRATCH_BYTES: u64 = 8 << 20;
@@ -87,13 +87,18 @@ impl Winograd {
     /// Whether the kernels compute this: f32 weights, since transformed ones need more digits than f16 has; input channels in
     /// eights, output channels in fours; no activation but ReLU, since all of them would be computed to choose one; a frame, the
     /// weights and the scratch within the device's binding limit.
-    fn possible(&self, caps: &Caps) -> bool {
+    pub(crate) fn possible(&self, caps: &Caps) -> bool {
         let Conv2d { kernel, stride, hi, wi, ci, weights, .. } = self.conv;
         let [ho, wo] = self.conv.output().map(u64::from);
         let frame = (u64::from(hi) * u64::from(wi) * u64::from(ci)).max(ho * wo * u64::from(weights.n));
         let right =
             caps.tier == Tier::Software && kernel == [3, 3] && stride == 1 && weights.storage == WeightType::F32;
-        let some = self.conv.frames > 0 && ci > 0 && weights.n > 0 && ho > 0 && wo > 0 && weights.k == 9 * ci;
+        let some = self.conv.frames > 0
+            && ci > 0
+            && weights.n > 0
+            && ho > 0
+            && wo > 0
+            && u64::from(weights.k) == 9 * u64::from(ci);
         let units = ci.is_multiple_of(8) && weights.n.is_multiple_of(4);
         let plain = matches!(self.conv.act, Activation::None | Activation::Relu);
         let fits = || frame <= room(caps) && self.weights().bytes().max(self.scratch() * 4) <= caps.max_binding;
@@ -107,13 +112,13 @@ impl Winograd {
     }
 
     /// Tiles in a row and in a column of a map.
-    fn grid(&self) -> [u64; 2] {
+    pub(crate) fn grid(&self) -> [u64; 2] {
         let [ho, wo] = self.conv.output().map(u64::from);
         [wo.div_ceil(SIDE), ho.div_ceil(SIDE)]
     }
 
     /// Tiles of a band: whole row tiles of the product, alike in all bands.
-    fn band(&self) -> u64 {
+    pub(crate) fn band(&self) -> u64 {
         let [across, down] = self.grid();
         let row_tile = ROWS * 4 * u64::from(PLACES) * (u64::from(self.conv.ci) + u64::from(self.conv.weights.n));
         let all = (u64::from(self.conv.frames) * across * down).div_ceil(ROWS).max(1);
@@ -156,21 +161,12 @@ impl Winograd {
         Ok(out)
     }
 
-    /// The three passes over `tiles` tiles from `tile0` of the frames in the window `x`; `maps` gives windows of maps like y.
-    fn passes(
-        &self,
-        (tile0, tiles): (u64, u64),
-        (x, x_rest): (Window, u32),
-        maps: &dyn Fn(Arg) -> (Window, u32),
-        out: &mut Vec<Dispatch>,
-    ) {
+    /// The parameters of all passes over `tiles` tiles from `tile0` of the frames in windows that begin this far before the first pixel.
+    pub(crate) fn params(&self, (tile0, tiles): (u64, u64), x_rest: u32, y_rest: u32) -> WinogradParams {
         let conv = &self.conv;
         let ([across, down], [ho, wo]) = (self.grid(), conv.output());
-        let (ci, co) = (u64::from(conv.ci), u64::from(conv.weights.n));
-        let (y, y_rest) = maps(Y);
-        let row_tiles = tiles.div_ceil(ROWS);
         let one = PackedWeights { k: conv.ci, ..conv.weights };
-        let params = WinogradParams {
+        WinogradParams {
             tiles: tiles as u32,
             tile0: tile0 as u32,
             stride: self.band() as u32,
@@ -186,15 +182,29 @@ impl Winograd {
             x_rest,
             y_rest,
             blocks: conv.weights.blocks(),
-            group: one.row_group(row_tiles, ROWS * ci * 4),
+            group: one.row_group(tiles.div_ceil(ROWS), ROWS * u64::from(conv.ci) * 4),
             flags: conv.flags(),
             low: conv.low(),
             floor: if conv.act == Activation::Relu { 0.0 } else { f32::NEG_INFINITY },
             pad0: 0,
-        };
+        }
+    }
+
+    /// The three passes over `tiles` tiles from `tile0` of the frames in the window `x`; `maps` gives windows of maps like y.
+    fn passes(
+        &self,
+        (tile0, tiles): (u64, u64),
+        (x, x_rest): (Window, u32),
+        maps: &dyn Fn(Arg) -> (Window, u32),
+        out: &mut Vec<Dispatch>,
+    ) {
+        let conv = &self.conv;
+        let (ci, co) = (u64::from(conv.ci), u64::from(conv.weights.n));
+        let (y, y_rest) = maps(Y);
+        let params = self.params((tile0, tiles), x_rest, y_rest);
         let same = |arg: Arg, there: bool| if there { maps(arg).0 } else { Arg::ABSENT.into() };
         let (residual, residual2) = (same(RESIDUAL, conv.residual), same(RESIDUAL2, conv.residual2));
-        let products = u64::from(PLACES) * row_tiles * u64::from(conv.weights.blocks());
+        let products = u64::from(PLACES) * tiles.div_ceil(ROWS) * u64::from(conv.weights.blocks());
         // V, then M: the two sides of the product.
         let bytes = 4 * u64::from(PLACES) * self.band();
         let v = SCRATCH.window(0, bytes * ci);

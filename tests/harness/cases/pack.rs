@@ -1,6 +1,7 @@
 //! Cases of `pack`.
 
 use omnix_kernels::pack::{Order, Pack, Y};
+use omnix_kernels::winograd::PLACES;
 use omnix_kernels::{Arg, Caps, Dispatch, KernelError, PackedWeights, WeightType, cpu};
 
 use super::{Call, Case, Values, Work};
@@ -21,12 +22,16 @@ impl Call for Pack {
     }
 
     fn oracle(&self, _: &Caps, args: &[Values]) -> Vec<(Arg, Values)> {
+        if self.winograd {
+            let bytes = cpu::pack_winograd(self.weights, self.order, args[0].f32());
+            return vec![(Y, Values::F32(bytemuck::pod_collect_to_vec(&bytes)))];
+        }
         let bytes = cpu::pack(self.weights, self.order, args[0].f32());
         vec![(Y, Values::U32(bytemuck::pod_collect_to_vec(&bytes)))]
     }
 
     fn limit(&self, _: &Caps, _: Arg) -> f64 {
-        0.0
+        if self.winograd { 1e-6 } else { 0.0 }
     }
 
     fn work(&self) -> Work {
@@ -43,7 +48,7 @@ pub fn linear(n: u32, k: u32, transposed: bool, storage: WeightType) -> Pack {
     } else {
         (PackedWeights { k, n, storage }, plain)
     };
-    Pack { weights, order, elements: n * k }
+    Pack { weights, order, elements: n * k, winograd: false }
 }
 
 /// The flipped kernel of a convolution `[out, in, 3, 3]`: depth counts taps down.
@@ -52,7 +57,23 @@ pub fn flipped(out: u32, channels: u32, storage: WeightType) -> Pack {
     let taps = 9u32;
     let order =
         Order { base: taps - 1, n_lo: 1, n_hi: taps, n_step: 0, k_lo: out, k_hi: u32::MAX, k_step: channels * taps };
-    Pack { weights: PackedWeights { k: taps * out, n: channels, storage }, order, elements: out * channels * taps }
+    let weights = PackedWeights { k: taps * out, n: channels, storage };
+    Pack { weights, order, elements: out * channels * taps, winograd: false }
+}
+
+/// The kernel of a convolution `[out, in, 3, 3]`, or the one flipped, transformed for Winograd's algorithm.
+#[must_use]
+pub fn transformed(out: u32, channels: u32, turned: bool) -> Pack {
+    let storage = WeightType::F32;
+    let Pack { weights, order, elements, .. } = if turned {
+        flipped(out, channels, storage)
+    } else {
+        let order = Order { base: 0, n_lo: 1, n_hi: 9 * channels, n_step: 0, k_lo: channels, k_hi: 1, k_step: 9 };
+        let weights = PackedWeights { k: 9 * channels, n: out, storage };
+        Pack { weights, order, elements: out * channels * 9, winograd: false }
+    };
+    let weights = PackedWeights { k: PLACES * order.k_lo, ..weights };
+    Pack { weights, order, elements, winograd: true }
 }
 
 /// One, odd, both sides of a block of columns, transposed, flipped; then layers of the networks.
@@ -64,6 +85,9 @@ pub fn cases() -> Vec<Case> {
             cases.extend([false, true].map(|transposed| Case::test(linear(n, k, transposed, storage))));
         }
         cases.extend([(1, 1), (5, 3), (34, 40)].map(|(out, channels)| Case::test(flipped(out, channels, storage))));
+    }
+    for (out, channels) in [(8, 8), (36, 8), (40, 16), (33, 64)] {
+        cases.extend([false, true].map(|turned| Case::test(transformed(out, channels, turned))));
     }
     for transposed in [false, true] {
         let name = format!("1536x384{}", if transposed { " transposed" } else { "" });

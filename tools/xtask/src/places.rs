@@ -16,8 +16,8 @@ const OWNED: [&str; 4] = ["crates/omnix-kernels/src/cpu", "tests/harness/cases",
 
 /// Where the operation of a kernel is stated.
 const OPERATIONS: &str = "crates/omnix-graph/src/ops";
-/// Kernels that compute an operation of another name: Winograd's algorithm is one of `conv2d`'s.
-const ALGORITHMS: [&str; 1] = ["winograd"];
+/// Kernels that compute an operation of another name: Winograd's algorithm is one of `conv2d`'s, and of `conv2d_weights`'.
+const ALGORITHMS: [&str; 2] = ["winograd", "winograd_weights"];
 
 /// Every kernel is in its seven places, and no test, bench or oracle lacks its kernel.
 pub fn check(tree: &Tree) -> Vec<Finding> {

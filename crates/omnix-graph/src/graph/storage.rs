@@ -27,6 +27,8 @@ pub enum WeightForm {
     /// `[out, in, rows, columns]` as the kernel of the gradient of a convolution's input: taps in reverse, depth in the order (row,
     /// column, out).
     ConvGradient,
+    /// `[out, in, 3, 3]` turned around as in [`Self::ConvGradient`] and transformed for Winograd's algorithm: depth in the order (place, out).
+    WinogradGradient,
     /// `[in, out, k, k]` as the matrix of the gradient of a transposed convolution's input: depth in the order (row, column, out).
     ConvTransposeGradient,
 }
@@ -39,22 +41,49 @@ impl WeightForm {
             Self::Linear => Some(Self::LinearGradient),
             Self::Conv => Some(Self::ConvGradient),
             Self::ConvTranspose => Some(Self::ConvTransposeGradient),
-            Self::Winograd | Self::LinearGradient | Self::ConvGradient | Self::ConvTransposeGradient => None,
+            Self::LinearGradient | Self::ConvGradient | Self::ConvTransposeGradient => None,
+            Self::Winograd | Self::WinogradGradient => None,
+        }
+    }
+
+    /// The form that Winograd's algorithm reads in place of a convolution's; none for what it does not compute.
+    #[must_use]
+    pub const fn by_winograd(self) -> Option<Self> {
+        match self {
+            Self::Conv => Some(Self::Winograd),
+            Self::ConvGradient => Some(Self::WinogradGradient),
+            _ => None,
+        }
+    }
+
+    /// Whether Winograd's algorithm reads it.
+    #[must_use]
+    pub const fn is_winograd(self) -> bool {
+        matches!(self, Self::Winograd | Self::WinogradGradient)
+    }
+
+    /// The form that the sum over taps reads in place of Winograd's.
+    #[must_use]
+    pub const fn by_taps(self) -> Self {
+        match self {
+            Self::Winograd => Self::Conv,
+            Self::WinogradGradient => Self::ConvGradient,
+            other => other,
         }
     }
 
     /// Where the weights of a tensor of shape `dims` lie that is read in this form, when it begins at `start` and its rows (of the first
-    /// dimension) are `row` numbers apart. Winograd's are computed, and lie nowhere.
+    /// dimension) are `row` numbers apart. For Winograd's, where the taps lie that they are computed from.
     #[must_use]
-    pub fn order(self, dims: &[usize], (start, row): (u32, u32)) -> Option<Order> {
+    pub fn order(self, dims: &[usize], (start, row): (u32, u32)) -> Order {
         let product = |dims: &[usize]| dims.iter().product::<usize>() as u32;
         let (inner, taps) = (dims.get(1).map_or(1, |d| *d as u32), product(dims.get(2..).unwrap_or_default()));
         let columns = Order { base: start, n_lo: 1, n_hi: row, n_step: 0, k_lo: 1, k_hi: 1, k_step: 0 };
-        Some(match self {
+        match self {
             Self::Linear => columns,
             Self::LinearGradient => Order { n_hi: 1, k_hi: row, ..columns },
-            Self::Conv => Order { k_lo: inner, k_step: taps, ..columns },
-            Self::ConvGradient => Order {
+            Self::Conv | Self::Winograd => Order { k_lo: inner, k_step: taps, ..columns },
+            Self::ConvGradient | Self::WinogradGradient => Order {
                 base: start + taps.saturating_sub(1),
                 n_hi: taps,
                 k_lo: dims.first().map_or(1, |d| *d as u32),
@@ -64,8 +93,7 @@ impl WeightForm {
             },
             Self::ConvTranspose => Order { n_lo: inner, n_hi: 1, n_step: taps, k_hi: row, ..columns },
             Self::ConvTransposeGradient => Order { k_lo: inner, k_step: taps, ..columns },
-            Self::Winograd => return None,
-        })
+        }
     }
 }
 
@@ -122,12 +150,15 @@ impl WeightKey {
             }
             Packing::Matrix(form, storage) => {
                 let shape = packed_shape(&dims, form, storage);
-                if let Some(order) = form.order(&dims, (0, row as u32)) {
-                    shape.pack_into(|k, n| data[order.index(k, n)], out)
-                } else {
-                    let channels = dims[1];
-                    let places: Vec<_> = data.as_chunks().0.iter().map(|taps| transform(*taps)).collect();
+                let order = form.order(&dims, (0, row as u32));
+                if form.is_winograd() {
+                    let (channels, columns) = (order.k_lo as usize, shape.n as usize);
+                    let taps = |n: usize, c: usize| std::array::from_fn(|tap| data[order.index(tap * channels + c, n)]);
+                    let all = (0..columns).flat_map(|n| (0..channels).map(move |c| (n, c)));
+                    let places: Vec<_> = all.map(|(n, c)| transform(taps(n, c))).collect();
                     shape.pack_into(|k, n| places[n * channels + k % channels][k / channels], out)
+                } else {
+                    shape.pack_into(|k, n| data[order.index(k, n)], out)
                 }
             }
         };
@@ -183,6 +214,7 @@ pub fn packed_shape(shape: &[usize], form: WeightForm, storage: WeightType) -> P
             (product(&shape[1..]), shape[0] as u32)
         }
         WeightForm::Winograd => (PLACES * shape[1] as u32, shape[0] as u32),
+        WeightForm::WinogradGradient => (PLACES * shape[0] as u32, shape[1] as u32),
         WeightForm::ConvTranspose | WeightForm::LinearGradient => (shape[0] as u32, product(&shape[1..])),
         WeightForm::ConvGradient => (shape[0] as u32 * product(&shape[2..]), shape[1] as u32),
     };

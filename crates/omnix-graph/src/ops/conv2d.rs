@@ -15,7 +15,7 @@ pub struct Conv2d {
     pub x: Value,
     /// A parameter `[out, in, rows, columns]`.
     pub w: Value,
-    /// How `w` is packed, which says by what algorithm the node is computed: [`WeightForm::Conv`] until a plan decides.
+    /// How `w` is packed, which says by what algorithm the node is computed: the sum over taps until a plan decides.
     pub form: WeightForm,
     /// `[out]`.
     pub bias: Option<Value>,
@@ -92,7 +92,6 @@ impl Conv2d {
     pub(crate) fn sum_over_taps(&self, values: &Values, storage: WeightType) -> Result<conv2d::Conv2d, KernelError> {
         let n = |n: usize| u32_of("conv2d", n);
         let (x, w) = (values.shape(self.x), values.shape(self.w));
-        let form = if self.form == WeightForm::Winograd { WeightForm::Conv } else { self.form };
         Ok(conv2d::Conv2d {
             frames: n(x[0])?,
             hi: n(x[1])?,
@@ -101,7 +100,7 @@ impl Conv2d {
             kernel: [n(w[2])?, n(w[3])?],
             stride: n(self.stride)?,
             padding: n(self.padding)?,
-            weights: packed_shape(w, form, stored_as(values, self.w, storage)),
+            weights: packed_shape(w, self.form.by_taps(), stored_as(values, self.w, storage)),
             act: self.act,
             relu_input: self.relu_input,
             bias: self.bias.is_some(),
@@ -125,7 +124,7 @@ impl Operation for Conv2d {
         let conv = self.sum_over_taps(site.values, site.storage)?;
         let [first, second] = self.residuals;
         let args = [Some(self.x), Some(self.w), self.bias, first, second, Some(site.outputs[0])];
-        if self.form == WeightForm::Winograd {
+        if self.form.is_winograd() {
             let scratch = Some(site.outputs[1]);
             site.call(args.into_iter().chain([scratch]), Winograd { conv }.record(site.caps)?)
         } else {

@@ -1,5 +1,6 @@
 //! Gradients of a convolution's weights and bias over `[frame, row, column, channel]`.
 
+use omnix_kernels::winograd_weights::WinogradWeights;
 use omnix_kernels::{KernelError, conv2d_weights};
 
 use crate::error::{GraphError, u32_of};
@@ -21,10 +22,13 @@ pub struct Conv2dWeights {
     pub padding: usize,
     /// Whether the bias' gradient is wanted.
     pub bias: bool,
+    /// Whether it is computed by Winograd's algorithm: not, until a plan decides.
+    pub winograd: bool,
 }
 
 impl Conv2dWeights {
-    fn spec(&self, values: &Values) -> Result<conv2d_weights::Conv2dWeights, KernelError> {
+    /// The sum over pixels that it stands for, whatever computes it.
+    pub(crate) fn spec(&self, values: &Values) -> Result<conv2d_weights::Conv2dWeights, KernelError> {
         let n = |n: usize| u32_of("conv2d_weights", n);
         let (x, dy) = (values.shape(self.x), values.shape(self.dy));
         Ok(conv2d_weights::Conv2dWeights {
@@ -58,7 +62,7 @@ impl<O: Operation + From<Conv2dWeights>> Graph<O> {
     ) -> Result<(Value, Option<Value>), GraphError> {
         let [frames, _, _, ci] = self.map_dims("conv2d_weights", x)?;
         let [_, ho, wo, co] = self.map_dims("conv2d_weights", dy)?;
-        let op = Conv2dWeights { x, dy, kernel, stride, padding, bias };
+        let op = Conv2dWeights { x, dy, kernel, stride, padding, bias, winograd: false };
         let spec = op.spec(self)?;
         let [rows, columns] = spec.output().map(|n| n as usize);
         if self.shape(dy)[0] != frames || [ho, wo] != [rows, columns] || rows * columns * co == 0 {
@@ -82,8 +86,11 @@ impl Operation for Conv2dWeights {
     }
 
     fn lower(&self, site: &Site<'_>) -> Result<Vec<Call>, KernelError> {
-        let args = [self.x, self.dy, site.outputs[0], site.outputs[1], site.outputs[2]].map(Some);
-        site.call(args, self.spec(site.values)?.record(site.caps)?)
+        let args = [self.x, self.dy].into_iter().chain(site.outputs.iter().copied()).map(Some);
+        let conv = self.spec(site.values)?;
+        let dispatches =
+            if self.winograd { WinogradWeights { conv }.record(site.caps)? } else { conv.record(site.caps)? };
+        site.call(args, dispatches)
     }
 
     fn flops(&self, values: &Values, outputs: &[Value]) -> u64 {

@@ -72,7 +72,7 @@ impl Operation for Linear {
 
     fn lower(&self, site: &Site<'_>) -> Result<Vec<Call>, KernelError> {
         debug_assert!(
-            !matches!(self.form, WeightForm::Conv | WeightForm::Winograd),
+            self.form != WeightForm::Conv && !self.form.is_winograd(),
             "BUG: a linear layer with a convolution's weights"
         );
         let storage = stored_as(site.values, self.w, site.storage);

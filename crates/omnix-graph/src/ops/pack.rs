@@ -23,7 +23,7 @@ impl<O: Operation + From<Pack>> Graph<O> {
     /// A block of the tensor `x` as the weights of a product: a value of the block's shape, stored as `form` and `storage` say.
     ///
     /// # Errors
-    /// When `x` is not the whole tensor, the form is one that only the host makes, or numbers shall be stored as int8.
+    /// When `x` is not the whole tensor, or numbers shall be stored as int8.
     pub fn pack(
         &mut self,
         x: Value,
@@ -36,9 +36,6 @@ impl<O: Operation + From<Pack>> Graph<O> {
         if storage == WeightType::I8 {
             let reason = "weights in training are stored as f32 or f16".to_owned();
             return Err(GraphError::Arguments { op: "pack", reason });
-        }
-        if form.order(&shape, (0, 0)).is_none() {
-            return Err(GraphError::Arguments { op: "pack", reason: format!("{form:?} is made by the host") });
         }
         let words = packed_shape(&shape, form, storage).bytes() as usize / 4;
         let value = self.push_one(Pack { x, block, form, storage }, shape);
@@ -61,12 +58,10 @@ impl Operation for Pack {
     fn lower(&self, site: &Site<'_>) -> Result<Vec<Call>, KernelError> {
         let shape = self.block.shape();
         let (start, row) = self.block.place();
-        let order = self.form.order(&shape, (site.n(start)?, site.n(row)?)).ok_or_else(|| {
-            KernelError::Unsupported { kernel: "pack", reason: format!("BUG: {:?} is made by the host", self.form) }
-        })?;
+        let order = self.form.order(&shape, (site.n(start)?, site.n(row)?));
         let weights = packed_shape(&shape, self.form, self.storage);
         let elements = site.n(site.values.shape(self.x).elements())?;
-        let spec = pack::Pack { weights, order, elements };
+        let spec = pack::Pack { weights, order, elements, winograd: self.form.is_winograd() };
         site.call([Some(self.x), Some(site.outputs[0])], spec.record(site.caps)?)
     }
 
