@@ -7,6 +7,7 @@
 //! * *Faults* (`faults.rs`): if depth or tracks disagree, the cameras are changed in the ways in which data sets are known to be
 //!   wrong, and a change that makes them agree is named.
 
+mod facing;
 mod faults;
 mod grid;
 #[cfg(test)]

@@ -7,7 +7,7 @@ use omnix_geometry::Camera;
 
 use super::*;
 use crate::rigid::Rigid;
-use crate::{Dense, Tracks, made};
+use crate::{Dense, SampleParts, Tracks, Unit, made};
 
 const SIZE: [u32; 2] = [84, 56];
 
@@ -205,4 +205,48 @@ fn images_are_chosen_from_several_videos() {
     let (_, report) = check_scene(scene.as_ref(), &CheckOptions::default()).unwrap();
     assert_eq!((report.set, report.counts.all_images, report.counts.tracks), ("shared", 24, Some(2)));
     assert_eq!(report.problems, []);
+}
+
+/// A sheet at z = 2 before a camera at the origin, one beside it and one behind the sheet; the points of the first image's pixels
+/// as tracks, which the first two see and the third does not, unless the second is told not to.
+fn sheet(second: Flag) -> Sample {
+    let front = made::camera(SIZE, [0.0; 3], [0.0; 2]);
+    let beside = made::camera(SIZE, [0.1, 0.0, 0.0], [0.0; 2]);
+    let turned =
+        Rigid { rotation: DMat3::from_rotation_y(std::f64::consts::PI), translation: DVec3::new(0.0, 0.0, 4.0) };
+    let cameras = [front, beside, Pinhole { w2c: turned.inverse(), ..front }];
+    let pixels = (SIZE[0] * SIZE[1]) as usize;
+    let points: Vec<[f32; 3]> = (0..pixels)
+        .map(|pixel| {
+            let [u, v] = crate::rigid::centre(pixel, SIZE[0] as usize);
+            front.unproject(u, v, 2.0).as_vec3().to_array()
+        })
+        .collect();
+    let parts = SampleParts {
+        size: SIZE,
+        images: vec![0; 3 * 3 * pixels],
+        times: (0..3).map(|video| made::time(video, 0)).collect(),
+        cameras: cameras.iter().map(|camera| camera.to_camera()).collect(),
+        depth: Some(vec![2.0; 3 * pixels]),
+        moving: None,
+        motion: Motion::Tracks(Tracks {
+            count: pixels,
+            positions: points.repeat(3),
+            visible: [Flag::Yes, second, Flag::No].into_iter().flat_map(|flag| vec![flag; pixels]).collect(),
+            pixels: None,
+        }),
+        unit: Unit::Metre,
+    };
+    Sample::new(parts).unwrap()
+}
+
+#[test]
+fn the_front_of_a_sheet_is_hidden_from_behind_it() {
+    let seen = |second| check(&sheet(second), Path::new("scene")).visibility.unwrap();
+    let found = seen(Flag::Yes);
+    assert_eq!((found.behind, found.hidden), (0, 0), "{found:?}");
+    assert!(found.compared > 500, "{found:?}");
+    // From the same side nothing hides it.
+    let found = seen(Flag::No);
+    assert!(found.hidden > 200, "{found:?}");
 }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use serde::Serialize;
 
+use super::facing::Fronts;
 use super::grid::{At, at, chosen, quantile};
 use crate::rigid::{Pinhole, centre};
 use crate::{Flag, Motion, Sample};
@@ -220,10 +221,18 @@ fn flags(sample: &Sample, cameras: &[Pinhole], mut tell: impl FnMut(Flag, Option
         }
         Motion::Tracks(tracks) => {
             let step = (tracks.count / TRACKS).max(1);
-            for (image, track) in (0..sample.count()).flat_map(|i| (0..tracks.count).step_by(step).map(move |t| (i, t)))
-            {
-                let index = image * tracks.count + track;
-                look(image, tracks.positions[index], tracks.visible[index]);
+            // Where no flag says yes, no image tells which side a track is on, and its flags are held against depth all the same.
+            let told = tracks.visible.contains(&Flag::Yes);
+            for track in (0..tracks.count).step_by(step) {
+                let fronts = Fronts::of(sample, cameras, tracks, track);
+                for (image, camera) in cameras.iter().enumerate() {
+                    let index = image * tracks.count + track;
+                    let place = DVec3::from(tracks.positions[index].map(f64::from));
+                    let front = fronts.shows(place, camera.w2c.inverse().translation).unwrap_or(!told);
+                    if front || tracks.visible[index] != Flag::No {
+                        look(image, tracks.positions[index], tracks.visible[index]);
+                    }
+                }
             }
         }
     }
