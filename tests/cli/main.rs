@@ -17,6 +17,7 @@ mod interrupted;
 mod known_cameras;
 mod limits;
 mod made;
+mod masks;
 mod messages;
 mod motion;
 mod networks;

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "io")]
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use omnix_geometry::{AlignTo, Camera, fit_cameras};
 use omnix_kernels::WeightType;
@@ -9,6 +10,7 @@ use omnix_model::backbone::ReferenceChoice;
 use omnix_model::config::NetworkConfig;
 
 use crate::error::OmnixError;
+use crate::masks::Masks;
 
 /// Images of one scene, all of one size, and what is wanted of them. Made by [`Request::new`] and changed by the methods of its
 /// fields' names.
@@ -30,6 +32,8 @@ pub struct Request {
     pub cameras: Option<Vec<Camera>>,
     /// What known cameras do to the result.
     pub align: AlignTo,
+    /// What is said of pixels beforehand: which to ignore, which stand still, which move.
+    pub masks: Option<Arc<Masks>>,
     /// Whether ray maps are wanted; they cost about as much as depth.
     pub rays: bool,
     /// Blocks of the encoder, from 0, whose features are wanted.
@@ -84,6 +88,7 @@ impl Request {
             reference: None,
             cameras: None,
             align: AlignTo::Given,
+            masks: None,
             rays: false,
             features: Vec::new(),
             gaussians: false,
@@ -141,7 +146,12 @@ impl Request {
         {
             return wrong(format!("{} cameras for {} images", cameras.len(), self.images));
         }
-        Ok(())
+        self.masks.as_ref().map_or(Ok(()), |masks| masks.check(self.images, self.height * self.width))
+    }
+
+    /// Masks that say anything.
+    pub(crate) fn said_masks(&self) -> Option<&Masks> {
+        self.masks.as_deref().filter(|masks| masks.any())
     }
 
     /// Whether known cameras go into the network; a metric network alone takes no more of them than their lenses, for the metre.
@@ -260,6 +270,13 @@ impl Request {
     #[must_use]
     pub fn field(mut self, field: FieldPlace) -> Self {
         self.field = field;
+        self
+    }
+
+    /// What is said of pixels beforehand; for results on the host.
+    #[must_use]
+    pub fn masks(mut self, masks: Masks) -> Self {
+        self.masks = Some(Arc::new(masks));
         self
     }
 

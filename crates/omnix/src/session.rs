@@ -3,6 +3,7 @@
 mod geometry;
 mod handover;
 mod joined;
+mod masked;
 mod motion;
 mod on_device;
 mod readback;
@@ -157,7 +158,15 @@ impl Session {
     /// When an image has not been set since the last run, the device fails, or `listener` failed or broke off.
     pub async fn run_async(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
         let readbacks = Readbacks::new(self.engine.gpu(), self.plan.head_images);
-        self.run_stages(listener, Results::Readbacks(readbacks)).await
+        let (masks, grid) = (self.plan.request.masks.clone(), self.plan.request.grid());
+        let mut masked = |event| match event {
+            Event::Frame(mut frame) => {
+                masked::geometry(&mut frame, masks.as_deref(), grid);
+                listener(Event::Frame(frame))
+            }
+            other => listener(other),
+        };
+        self.run_stages(&mut masked, Results::Readbacks(readbacks)).await
     }
 
     /// As [`Session::run_async`], with results that stay on the device ([`Event::Resident`]): nothing is read back but the cameras, a
@@ -168,6 +177,10 @@ impl Session {
     /// # Errors
     /// As [`Session::run_async`].
     pub async fn run_resident_async(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        if self.plan.request.said_masks().is_some() {
+            let reason = "masks are for results on the host: run without `resident`, or leave the masks out";
+            return Err(OmnixError::Request { reason: reason.to_owned() });
+        }
         self.run_stages(listener, Results::Resident).await
     }
 

@@ -218,7 +218,10 @@ fn camera_of_rays(maps: &RayMaps<'_>, image: [u32; 2], table: &[[u32; 8]]) -> Re
     cameras.first().map(|c| c.camera).ok_or_else(none)
 }
 
-/// Least and greatest depth.
+/// Least and greatest depth of the pixels that have one.
 fn range(depth: &[f32]) -> (f32, f32) {
-    depth.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), d| (a.min(*d), b.max(*d)))
+    depth
+        .iter()
+        .filter(|depth| **depth > 0.0)
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), d| (a.min(*d), b.max(*d)))
 }
