@@ -16,17 +16,22 @@ fn masks(dir: &Path, count: u32, black: impl Fn(u32, u32) -> bool) -> String {
     dir.to_str().unwrap().to_owned()
 }
 
-const SIZE: [&str; 2] = ["--size", "84x56"];
-const PIXELS: usize = 84 * 56;
+const SIZE: [&str; 2] = ["--size", "140x84"];
+const PIXELS: usize = 140 * 84;
 
 fn run(frames: &Path, out: &Path, more: &[&str]) -> PathBuf {
     reconstruct(frames, out, &[&SIZE[..], more].concat()).ok();
     out.to_owned()
 }
 
+/// Columns and rows of the followed pixels.
+fn pixels(tracks: &Path) -> Vec<i32> {
+    npyz::npz::NpzArchive::open(tracks).unwrap().by_name("pixel").unwrap().unwrap().into_vec().unwrap()
+}
+
 /// Columns of the network's pictures of which the masks' left half is black.
 fn left(pixel: usize) -> bool {
-    pixel % 84 < 42
+    pixel % 140 < 70
 }
 
 #[test]
@@ -45,7 +50,7 @@ fn what_is_left_out_is_nowhere() {
     assert!(grey.pixels().enumerate().all(|(k, p)| (p.0[0] == 0) == left(k)));
     for image in 0..3 {
         let tracks = out.join(format!("exports/tracks/{image:06}.npz"));
-        assert!(array(&tracks, "pixel").1.chunks(2).all(|p| p[0] >= 42.0));
+        assert!(pixels(&tracks).chunks(2).all(|p| p[0] >= 70));
         assert!(array(&tracks, "trajectory").1.iter().all(|v| v.is_finite()));
     }
     let ply = fs::read(out.join("points.ply")).unwrap();
@@ -78,9 +83,9 @@ fn what_is_forced_is_the_same_in_results_file_and_query() {
     let moving = masks(&dir.path().join("moving"), 3, |x, y| x < 100 || y < 45);
     let (still, moving) = (format!("still={still}"), format!("moving={moving}"));
     let masked = ["--masks", &still, "--masks", &moving, "--all-tracks", "--export", "tracks,masks,field"];
-    let forced = |k: usize| match (k % 84, k / 84) {
-        (0..28, _) => Some(false),
-        (56.., 28..) => Some(true),
+    let forced = |k: usize| match (k % 140, k / 140) {
+        (0..47, _) => Some(false),
+        (93.., 42..) => Some(true),
         _ => None,
     };
     // On the device, and beside it.
@@ -100,10 +105,10 @@ fn what_is_forced_is_the_same_in_results_file_and_query() {
             let field = out.join("field.safetensors");
             let image_arg = image.to_string();
             let query = ["query", field.to_str().unwrap(), "--image", &image_arg, "--out", asked.to_str().unwrap()];
-            omnix(&[&query[..], &["--pixel", "3,3", "--pixel", "70,40", "--pixel", "40,30"]].concat()).ok();
+            omnix(&[&query[..], &["--pixel", "3,3", "--pixel", "120,60", "--pixel", "80,30"]].concat()).ok();
             let (_, found) = array(&asked, "trajectory");
             for time in 0..3 {
-                for (n, k) in [3 * 84 + 3, 40 * 84 + 70, 30 * 84 + 40].into_iter().enumerate() {
+                for (n, k) in [3 * 140 + 3, 60 * 140 + 120, 30 * 140 + 80].into_iter().enumerate() {
                     assert_eq!(&found[3 * (3 * time + n)..][..3], at(time, k), "image {image} time {time}");
                 }
             }
@@ -122,8 +127,8 @@ fn windows_keep_to_masks_and_are_found_again_with_the_same_ones() {
     let first = manifest["windows"]["parts"][0]["folder"].as_str().unwrap().to_owned();
     let (_, depth) = array(&out.join(&first).join("exports/npz/results.npz"), "depth");
     assert!(depth.iter().enumerate().all(|(k, z)| (*z == 0.0) == left(k % PIXELS)));
-    let (_, pixels) = array(&out.join(&first).join("exports/tracks/000001.npz"), "pixel");
-    assert!(pixels.chunks(2).all(|p| p[0] >= 42.0));
+    let followed = pixels(&out.join(&first).join("exports/tracks/000001.npz"));
+    assert!(followed.chunks(2).all(|p| p[0] >= 70));
 }
 
 #[test]

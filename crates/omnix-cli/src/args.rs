@@ -9,6 +9,7 @@ use omnix::{Engine, FieldPrecision, OmnixError, ReferenceChoice, WeightType};
 
 use crate::bytes;
 use crate::masking::MaskFolder;
+use crate::ruler::Ruler;
 
 /// Which device, shared by commands that open one.
 #[derive(Debug, Clone, Args)]
@@ -77,6 +78,11 @@ pub(crate) struct RunArgs {
     /// networks, whose depth their focal lengths turn into metres.
     #[arg(long, value_name = "SOURCE|PATH", default_value = "decoder", value_parser = cameras, help_heading = "Network")]
     pub(crate) cameras: Cameras,
+
+    /// One known distance, which brings all results to metres: two pixels of a picture (column and row, from 0 at the top left) and the metres
+    /// between what they show, such as 007.jpg:120,300,480,310=1.85; of the first image if no picture is named.
+    #[arg(long, value_name = "[PICTURE:]X,Y,X,Y=METRES", help_heading = "Network")]
+    pub(crate) scale: Option<Ruler>,
 
     /// Masks: a folder with a picture for each input picture, 007.jpg.png or 007.png for 007.jpg, and NAME_NNNNNN.png for frame N of the video NAME.
     /// Black in a mask leaves its pixel out of every result, as in COLMAP; with still=DIR what is not black stands still, with moving=DIR it

@@ -82,6 +82,9 @@ impl Job {
             input.notes.extend(masking.notes);
             request = request.masks(masking.masks);
         }
+        if let Some(ruler) = &args.scale {
+            request = request.distance(ruler.place(&input, &preparation)?);
+        }
         let exports = chosen_exports(args, &weights, &mut request)?;
         let bent = known.iter().flatten().any(|camera| !camera.lens.distortion.is_none());
         let stated = exports.iter().find(|export| export.states_source_lenses());
@@ -337,6 +340,7 @@ fn largest(weights: &Weights, request: &Request, caps: &Caps) -> Option<usize> {
     let fits = |n: usize| {
         let mut fewer = request.clone().images(n).reference(None);
         fewer.times = request.times.as_ref().map(|times| times.iter().take(n).copied().collect());
+        fewer.distance = None;
         fewer.masks = request.masks.as_ref().map(|masks| Arc::new(masks.part(0..n)));
         fewer.cameras = request.cameras.as_ref().map(|cameras| cameras.iter().take(n).copied().collect());
         RunPlan::new(weights, &fewer, caps).is_ok()

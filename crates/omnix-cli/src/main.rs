@@ -10,6 +10,7 @@ mod job;
 mod masking;
 mod memory;
 mod prepare;
+mod ruler;
 mod stop;
 mod text;
 mod threads;

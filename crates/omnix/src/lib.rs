@@ -60,7 +60,7 @@ pub use omnix_geometry::{AlignTo, Camera};
 pub use omnix_kernels::{Caps, Tier, WeightType};
 pub use omnix_model::backbone::ReferenceChoice;
 pub use plan::{FieldSummary, MotionPlan, PlanSummary, RunPlan, StageSummary};
-pub use request::{FieldPlace, Request};
+pub use request::{FieldPlace, KnownDistance, Request};
 pub use session::Session;
 pub use weights::Weights;
 

@@ -7,6 +7,7 @@ mod masked;
 mod motion;
 mod on_device;
 mod readback;
+mod scaled;
 #[cfg(not(target_arch = "wasm32"))]
 mod warmup;
 
@@ -159,8 +160,15 @@ impl Session {
     pub async fn run_async(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
         let readbacks = Readbacks::new(self.engine.gpu(), self.plan.head_images);
         let (masks, grid) = (self.plan.request.masks.clone(), self.plan.request.grid());
+        let mut scale = None;
+        let scaled = self.plan.request.distance.is_some();
         let mut masked = |event| match event {
+            Event::MetricScale(metres) if scaled => {
+                scale = Some(metres);
+                listener(event)
+            }
             Event::Frame(mut frame) => {
+                scale.into_iter().for_each(|scale| scaled::geometry(&mut frame, scale));
                 masked::geometry(&mut frame, masks.as_deref(), grid);
                 listener(Event::Frame(frame))
             }
@@ -177,8 +185,9 @@ impl Session {
     /// # Errors
     /// As [`Session::run_async`].
     pub async fn run_resident_async(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
-        if self.plan.request.said_masks().is_some() {
-            let reason = "masks are for results on the host: run without `resident`, or leave the masks out";
+        if self.plan.request.said_masks().is_some() || self.plan.request.distance.is_some() {
+            let reason =
+                "masks and a known distance are for results on the host: run without `resident`, or leave them out";
             return Err(OmnixError::Request { reason: reason.to_owned() });
         }
         self.run_stages(listener, Results::Resident).await
@@ -196,9 +205,12 @@ impl Session {
         let mut made = self.run_backbone(listener).await?;
         self.align(&mut made, listener)?;
         let mut motion = self.start_motion()?;
-        self.run_head(&made, motion.as_mut(), listener, &mut results).await?;
+        let scale = self.run_head(&made, motion.as_mut(), listener, &mut results).await?;
         if let Some(motion) = motion {
-            let field = self.run_motion(made, motion, listener).await?;
+            let mut field = self.run_motion(made, motion, listener).await?;
+            if let Some(scale) = scale {
+                field.rescale(scale).await?;
+            }
             listener(Event::Field(Box::new(field)))?;
         }
         Ok(())

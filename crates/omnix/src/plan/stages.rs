@@ -256,6 +256,7 @@ impl RunPlan {
             field::motion_of(weights)?;
         }
         let config = weights.network().config();
+        request.check_distance(config)?;
         if request.feeds_cameras(config) {
             request.check_given_cameras()?;
         } else if request.cameras.is_some() && config.unit != DepthUnit::Canonical {
@@ -352,6 +353,7 @@ fn unit(config: &NetworkConfig, request: &Request) -> &'static str {
         (_, true) if config.makes_cameras() && request.align == AlignTo::Given => CAMERAS_UNIT,
         (DepthUnit::Canonical, true) | (DepthUnit::Metres, _) => METRES,
         (DepthUnit::Canonical, false) => CANONICAL_UNIT,
+        (DepthUnit::Own, _) if request.distance.is_some() => METRES,
         (DepthUnit::Own, _) => NETWORK_UNIT,
     }
 }

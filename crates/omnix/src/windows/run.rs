@@ -44,9 +44,12 @@ pub struct Windows<'a> {
 /// What is asked of a window of a film: `film`'s settings for the window's images, with times from the first frame on.
 ///
 /// # Errors
-/// Known cameras, or a reference view by number: neither has a meaning in a window.
+/// Known cameras, a known distance, or a reference view by number: none of them has a meaning in a window.
 pub fn window_request(film: &Request, window: &Window) -> Result<Request, OmnixError> {
     let wrong = |reason: &str| Err(OmnixError::Request { reason: reason.to_owned() });
+    if film.distance.is_some() {
+        return wrong("a known distance and windows do not go together: reconstruct fewer images at once");
+    }
     if film.cameras.is_some() {
         return wrong("known cameras and windows do not go together: reconstruct fewer images at once");
     }

@@ -97,9 +97,12 @@ impl Run<'_> {
                 Event::Frame(geometry) => geometry,
                 Event::MetricScale(metres) => {
                     ui.event("metric_scale", json!({ "metres": metres }));
-                    ui.say(&format!(
-                        "a unit of the any-view network is {metres:.3} metres, as the metric network sees it"
-                    ));
+                    let by = if job.request.distance.is_some() {
+                        "by the known distance"
+                    } else {
+                        "as the metric network sees it"
+                    };
+                    ui.say(&format!("a unit of the any-view network is {metres:.3} metres, {by}"));
                     return Ok(());
                 }
                 Event::Agreement(agreement) => {

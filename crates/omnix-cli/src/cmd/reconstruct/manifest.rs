@@ -49,6 +49,7 @@ impl Run<'_> {
                     Cameras::Rays => "ray maps".to_owned(),
                     Cameras::Known(path) => format!("known, from {}", path_text(path)),
                 },
+                "scale": args.scale.as_ref().map(ToString::to_string),
                 "masks": masking::described(args, job.request.masks.as_deref()),
                 "memory_budget_bytes": job.request.budget,
                 "export": exports,
