@@ -15,6 +15,7 @@ mod happy;
 #[cfg(unix)]
 mod interrupted;
 mod known_cameras;
+mod known_distance;
 mod limits;
 mod made;
 mod masks;

@@ -137,7 +137,7 @@ fn alpha_leaves_out_what_it_hides() {
     let frames = dir.path().join("frames");
     fs::create_dir_all(&frames).unwrap();
     for i in 0..2u8 {
-        let at = |x: u32, y: u32| image::Rgba([(x * 3) as u8 + i, (y * 5) as u8, 90, if x < 75 { 0 } else { 255 }]);
+        let at = |x: u32, y: u32| image::Rgba([(x * 3) as u8 ^ i, (y * 5) as u8, 90, if x < 75 { 0 } else { 255 }]);
         image::RgbaImage::from_fn(150, 90, at).save(frames.join(format!("{i}.png"))).unwrap();
     }
     let out = run(&frames, &dir.path().join("out"), &["--alpha-masks", "--export", "npz"]);
