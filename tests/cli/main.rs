@@ -16,8 +16,10 @@ mod happy;
 #[cfg(unix)]
 mod interrupted;
 mod known_cameras;
+mod known_distance;
 mod limits;
 mod made;
+mod masks;
 mod messages;
 mod motion;
 mod networks;

@@ -89,7 +89,7 @@ impl Stages<'_> {
     fn motion(&self, before: &Before<'_>, report: Report<'_>) -> Result<Executable, String> {
         let recorded = self.recorded(&["traj.", "out.token_score"]);
         let mut graph = Graph::with_taps(recorded.iter().map(|(name, _)| (*name).to_owned()));
-        let spec = MotionSpec { images: self.images, grid: self.grid, times: before.times.clone() };
+        let spec = MotionSpec { images: self.images, grid: self.grid, times: before.times.clone(), forced: false };
         let outputs = self.weights.network().motion(&mut graph, &spec).map_err(text)?;
         let mut inputs = Vec::new();
         for feature in outputs.features {

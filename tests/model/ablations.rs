@@ -76,7 +76,7 @@ fn output<'a>(outputs: &'a [(String, Vec<f32>)], name: &str) -> &'a [f32] {
 fn module(config: &NetworkConfig) -> Vec<(String, Vec<f32>)> {
     let network = Network::new(config.clone());
     let mut graph = Graph::new();
-    network.motion(&mut graph, &MotionSpec { images: IMAGES, grid: GRID, times: times() }).unwrap();
+    network.motion(&mut graph, &MotionSpec { images: IMAGES, grid: GRID, times: times(), forced: false }).unwrap();
     let mut outputs = both(&graph, config, &inputs(&graph));
     let mut graph = Graph::new();
     network.sampling(&mut graph, &SamplingSpec { frames: IMAGES, times: IMAGES, grid: GRID }).unwrap();
@@ -210,7 +210,7 @@ fn times_tell_images_apart() {
     let network = Network::new(config.clone());
     let run = |times: Vec<(u32, u32)>| {
         let mut graph = Graph::new();
-        network.motion(&mut graph, &MotionSpec { images: IMAGES, grid: GRID, times }).unwrap();
+        network.motion(&mut graph, &MotionSpec { images: IMAGES, grid: GRID, times, forced: false }).unwrap();
         output(&both(&graph, &config, &inputs(&graph)), "field").to_vec()
     };
     let at = |field: &[f32], time: usize| field[time * CELLS * 9..][..CELLS * 9].to_vec();
@@ -266,7 +266,8 @@ fn what_nobody_described_is_refused_by_name() {
 fn geometry_networks_have_no_motion() {
     let network = Network::new(NetworkConfig::small());
     let mut graph = Graph::new();
-    let asked = network.motion(&mut graph, &MotionSpec { images: 2, grid: GRID, times: vec![(0, 0); 2] });
+    let asked =
+        network.motion(&mut graph, &MotionSpec { images: 2, grid: GRID, times: vec![(0, 0); 2], forced: false });
     let error = asked.unwrap_err().to_string();
     assert!(error.contains("trajectories") && error.contains("da3-small"), "{error}");
 }

@@ -95,7 +95,8 @@ fn a_giant_network_holds_few_of_its_weights() {
 fn short_chains_are_taken_only_where_they_save_memory() {
     let config = NetworkConfig::from_json(&crate::fixture::nano()).unwrap();
     let mut graph = Graph::new();
-    let spec = omnix_model::MotionSpec { images: 64, grid: (20, 36), times: (0..64).map(|i| (0, i)).collect() };
+    let spec =
+        omnix_model::MotionSpec { images: 64, grid: (20, 36), times: (0..64).map(|i| (0, i)).collect(), forced: false };
     Network::new(config).motion(&mut graph, &spec).unwrap();
     let plan = |streamed| {
         let options = PlanOptions::default().parts(64).streamed(streamed);

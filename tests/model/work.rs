@@ -41,7 +41,7 @@ fn geometry(network: &Network, images: usize, grid: (usize, usize), caps: &Caps)
 
 /// The trajectory module and the sampling head of one image.
 fn motion(network: &Network, images: usize, grid: (usize, usize), caps: &Caps) -> [Named; 2] {
-    let spec = MotionSpec { images, grid, times: times(images) };
+    let spec = MotionSpec { images, grid, times: times(images), forced: false };
     let sampling = SamplingSpec { frames: 1, times: images, grid };
     [
         (format!("motion, {images} images"), planned(caps, |g| network.motion(g, &spec).map(|_| ()))),

@@ -8,6 +8,8 @@ use omnix::io::preprocess::ResizeMethod;
 use omnix::{Engine, FieldPrecision, OmnixError, ReferenceChoice, WeightType};
 
 use crate::bytes;
+use crate::masking::MaskFolder;
+use crate::ruler::Ruler;
 
 /// Which device, shared by commands that open one.
 #[derive(Debug, Clone, Args)]
@@ -76,6 +78,20 @@ pub(crate) struct RunArgs {
     /// networks, whose depth their focal lengths turn into metres.
     #[arg(long, value_name = "SOURCE|PATH", default_value = "decoder", value_parser = cameras, help_heading = "Network")]
     pub(crate) cameras: Cameras,
+
+    /// One known distance, which brings all results to metres: two pixels of a picture (column and row, from 0 at the top left) and the metres
+    /// between what they show, such as 007.jpg:120,300,480,310=1.85; of the first image if no picture is named.
+    #[arg(long, value_name = "[PICTURE:]X,Y,X,Y=METRES", help_heading = "Network")]
+    pub(crate) scale: Option<Ruler>,
+
+    /// Masks: a folder with a picture for each input picture, 007.jpg.png or 007.png for 007.jpg, and NAME_NNNNNN.png for frame N of the video NAME.
+    /// Black in a mask leaves its pixel out of every result, as in COLMAP; with still=DIR what is not black stands still, with moving=DIR it
+    /// moves. May be given several times.
+    #[arg(long, value_name = "[ignore=|still=|moving=]DIR", help_heading = "Masks")]
+    pub(crate) masks: Vec<MaskFolder>,
+    /// Leave out the pixels of pictures that are less than half opaque.
+    #[arg(long, help_heading = "Masks")]
+    pub(crate) alpha_masks: bool,
 
     /// Bound of the longest (or shortest) side in pixels. Depth Anything 3 only. [default: 504]
     #[arg(long, value_name = "N", help_heading = "Picture size", value_parser = clap::value_parser!(u32).range(14..=8192), allow_negative_numbers = true)]

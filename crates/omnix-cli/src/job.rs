@@ -1,6 +1,7 @@
 //! A run before it has a device: frames listed, weights checked, sizes known; then planned for a device's facts.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use omnix::checkpoint::licence;
@@ -16,6 +17,7 @@ use serde_json::{Value, json};
 use crate::args::{Cameras, RunArgs, WeightsType};
 use crate::bytes;
 use crate::error::CliError;
+use crate::masking;
 use crate::memory;
 use crate::prepare::Preparation;
 use crate::stop;
@@ -74,6 +76,14 @@ impl Job {
         if let Some(known) = &known {
             let prepared = input.frames.iter().zip(known).map(|(frame, camera)| preparation.camera(frame, camera));
             request = request.cameras(prepared.collect(), AlignTo::Given);
+        }
+        if let Some(masking) = masking::read(args, &weights, &input, &preparation, known.as_deref())? {
+            masking.notes.iter().for_each(|note| ui.note(&format!("note: {note}")));
+            input.notes.extend(masking.notes);
+            request = request.masks(masking.masks);
+        }
+        if let Some(ruler) = &args.scale {
+            request = request.distance(ruler.place(&input, &preparation)?);
         }
         let exports = chosen_exports(args, &weights, &mut request)?;
         let bent = known.iter().flatten().any(|camera| !camera.lens.distortion.is_none());
@@ -331,6 +341,8 @@ fn largest(weights: &Weights, request: &Request, caps: &Caps) -> Option<usize> {
     let fits = |n: usize| {
         let mut fewer = request.clone().images(n).reference(None);
         fewer.times = request.times.as_ref().map(|times| times.iter().take(n).copied().collect());
+        fewer.distance = None;
+        fewer.masks = request.masks.as_ref().map(|masks| Arc::new(masks.part(0..n)));
         fewer.cameras = request.cameras.as_ref().map(|cameras| cameras.iter().take(n).copied().collect());
         RunPlan::new(weights, &fewer, caps).is_ok()
     };

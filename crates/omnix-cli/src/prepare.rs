@@ -103,6 +103,18 @@ impl Preparation {
         Camera { extrinsics: known.world_to_camera, intrinsics }
     }
 
+    /// Where a place of a frame's picture is in what the network sees of it, both in pixels with whole numbers at their middles; none where it
+    /// is cut off.
+    pub(crate) fn place(&self, frame: &PlannedFrame, [x, y]: [f64; 2]) -> Option<[f32; 2]> {
+        let Framing { resized, crop: [left, top, width, height] } = self.framing(frame);
+        let at = |place: f64, from: u32, to: u32, cut: u32| {
+            (place + 0.5) * f64::from(to) / f64::from(from) - f64::from(cut) - 0.5
+        };
+        let (x, y) = (at(x, frame.width, resized.0, left), at(y, frame.height, resized.1, top));
+        let inside = |place: f64, side: u32| (-0.5..f64::from(side) - 0.5).contains(&place);
+        (inside(x, width) && inside(y, height)).then_some([x as f32, y as f32])
+    }
+
     /// Says it where pictures lose much to the common shape.
     pub(crate) fn note(&self, input: &InputPlan) -> Option<String> {
         let kept = |frame: &PlannedFrame| self.framing(frame).kept();

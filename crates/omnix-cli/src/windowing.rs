@@ -63,6 +63,9 @@ pub(crate) fn obstacle(args: &RunArgs, network: &NetworkConfig) -> Option<&'stat
     if matches!(args.cameras, Cameras::Known(_)) {
         return Some("known cameras (--cameras PATH) bring all images into their own world at once");
     }
+    if args.scale.is_some() {
+        return Some("a known distance (--scale) is measured in one world of all images");
+    }
     if matches!(args.reference, Some(ReferenceChoice::Forced(_))) {
         return Some("--reference by number names one image, and every window has a reference view of its own");
     }

@@ -22,6 +22,7 @@ use std::path::Path;
 pub use given::{GivenCamera, GivenCameras, PictureKey};
 pub use lens::{Distortion, Lens};
 pub use matching::{MatchedCamera, match_cameras};
+pub(crate) use matching::{common_folders, stem};
 
 use crate::IoError;
 

@@ -20,6 +20,14 @@ pub enum IoError {
         /// The file or folder.
         path: PathBuf,
     },
+    /// Masks that cannot be read, or do not fit the pictures.
+    #[error("these masks cannot be used: {reason}: {path}")]
+    BadMasks {
+        /// What is wrong, and the cure.
+        reason: String,
+        /// The folder.
+        path: PathBuf,
+    },
     /// A glob pattern that cannot be parsed.
     #[error("not a valid file pattern ({reason}): {pattern}")]
     BadPattern {

@@ -4,6 +4,7 @@
 //! * [`preprocess`]: pictures to the network's input, for Depth Anything 3 (`da3.md` section 3) and OmniX
 //!   (`omnix.md` section 2).
 //! * [`cameras`]: known cameras, as other tools write them.
+//! * [`masks`]: pictures that say something of each pixel of others.
 //! * [`output`]: one sink for each export format, fed one image at a time, and the manifest of a run.
 //!
 //! Cameras are plain arrays here: extrinsics world-to-camera `[[f32; 4]; 3]` (OpenCV axes), intrinsics `[[f32; 3]; 3]`
@@ -12,6 +13,7 @@
 pub mod cameras;
 mod error;
 pub mod input;
+pub mod masks;
 pub mod output;
 pub mod preprocess;
 mod setters;

@@ -36,7 +36,7 @@ pub use config::NetworkConfig;
 pub use dpt::{HeadOutputs, HeadSpec};
 pub use error::ModelError;
 pub use manifest::{Parts, manifest};
-pub use motion::{DRAW, Dropout, MotionOutputs, MotionSpec};
+pub use motion::{DRAW, Dropout, FORCED, MotionOutputs, MotionSpec};
 pub use network::Network;
 pub use sampling::{SamplingOutputs, SamplingSpec};
 pub use training::{TimeCode, TrainingMotion, TrainingOutputs, TrainingSpec};

@@ -16,7 +16,7 @@ mod tokens;
 use omnix_graph::Graph;
 
 use spec::LeaveOut;
-pub use spec::{DRAW, Dropout, MotionOutputs, MotionSpec};
+pub use spec::{DRAW, Dropout, FORCED, MotionOutputs, MotionSpec};
 
 use crate::ModelError;
 use crate::config::{SampledScore, TrajectoryConfig};

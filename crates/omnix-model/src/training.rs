@@ -124,7 +124,7 @@ impl Network {
         let rays = head.rays.ok_or_else(|| self.lacks("ray maps"))?;
         let moving = match head.points.filter(|_| motion) {
             Some(points) => {
-                let module = self.motion_with(g, &MotionSpec { images, grid, times }, dropout)?;
+                let module = self.motion_with(g, &MotionSpec { images, grid, times, forced: false }, dropout)?;
                 // Networks that look at the last feature alone have one input.
                 let first = made.features.len() - module.features.len();
                 connect_all(g, &module.features, &made.features[first..])?;

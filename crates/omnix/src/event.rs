@@ -17,7 +17,8 @@ pub enum Event {
     Progress(Progress),
     /// How known cameras and the network's own agree, where some are given. Before any geometry.
     Agreement(Agreement),
-    /// Metres in a unit of the any-view network's depth, of a nested network. Before any geometry, which is in metres.
+    /// Metres in a unit of the any-view network's depth, of a nested network or by a known distance. Before any geometry, which is in
+    /// metres.
     MetricScale(f64),
     /// An image's geometry, on the host ([`crate::Session::run`]).
     Frame(FrameGeometry),

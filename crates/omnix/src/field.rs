@@ -162,6 +162,24 @@ impl Field {
         }
     }
 
+    /// Measures all lengths in a unit that is this many times smaller: points, how they move, and cameras.
+    pub(crate) async fn rescale(&mut self, scale: f64) -> Result<(), OmnixError> {
+        let times = scale as f32;
+        for image in 0..self.shape.images {
+            let mut points = self.store.numbers(image, Part::Points).await?;
+            points.iter_mut().for_each(|length| *length *= times);
+            self.store.replace(image, Part::Points, &points)?;
+            // Six numbers of rotation, three of translation.
+            let mut field = self.store.numbers(image, Part::Field).await?;
+            field.chunks_exact_mut(9).for_each(|cell| cell[6..].iter_mut().for_each(|length| *length *= times));
+            self.store.replace(image, Part::Field, &field)?;
+        }
+        for row in self.images.iter_mut().flat_map(|image| &mut image.camera.extrinsics) {
+            row[3] = (f64::from(row[3]) * scale) as f32;
+        }
+        Ok(())
+    }
+
     /// World points of an image's pixels at its own time, `[height, width, 3]`.
     ///
     /// # Errors

@@ -36,6 +36,7 @@ mod engine;
 mod error;
 mod event;
 mod field;
+mod masks;
 mod plan;
 pub mod render;
 mod request;
@@ -54,11 +55,12 @@ pub use field::{
 };
 #[cfg(feature = "io")]
 pub use field::{FieldPrecision, ImageMotion};
+pub use masks::{Masks, PixelMark};
 pub use omnix_geometry::{AlignTo, Camera};
 pub use omnix_kernels::{Caps, Tier, WeightType};
 pub use omnix_model::backbone::ReferenceChoice;
 pub use plan::{FieldSummary, MotionPlan, PlanSummary, RunPlan, StageSummary};
-pub use request::{FieldPlace, Request};
+pub use request::{FieldPlace, KnownDistance, Request};
 pub use session::Session;
 pub use weights::Weights;
 

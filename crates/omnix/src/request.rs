@@ -2,13 +2,15 @@
 
 #[cfg(feature = "io")]
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use omnix_geometry::{AlignTo, Camera, fit_cameras};
 use omnix_kernels::WeightType;
 use omnix_model::backbone::ReferenceChoice;
-use omnix_model::config::NetworkConfig;
+use omnix_model::config::{DepthUnit, NetworkConfig};
 
 use crate::error::OmnixError;
+use crate::masks::Masks;
 
 /// Images of one scene, all of one size, and what is wanted of them. Made by [`Request::new`] and changed by the methods of its
 /// fields' names.
@@ -30,6 +32,10 @@ pub struct Request {
     pub cameras: Option<Vec<Camera>>,
     /// What known cameras do to the result.
     pub align: AlignTo,
+    /// What is said of pixels beforehand: which to ignore, which stand still, which move.
+    pub masks: Option<Arc<Masks>>,
+    /// A distance that is known in metres, to which all results are brought; for networks that make cameras and do not know the metre.
+    pub distance: Option<KnownDistance>,
     /// Whether ray maps are wanted; they cost about as much as depth.
     pub rays: bool,
     /// Blocks of the encoder, from 0, whose features are wanted.
@@ -53,6 +59,17 @@ pub struct Request {
     pub sampling_images: Option<usize>,
     /// Where a field is kept; by default on the device if the budget allows it.
     pub field: FieldPlace,
+}
+
+/// A distance between two places that one image shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownDistance {
+    /// The image.
+    pub image: usize,
+    /// Column and row of each place in the processed image, whole numbers at the middles of pixels.
+    pub places: [[f32; 2]; 2],
+    /// Metres between them.
+    pub metres: f64,
 }
 
 /// Where a field is kept while it is used.
@@ -84,6 +101,8 @@ impl Request {
             reference: None,
             cameras: None,
             align: AlignTo::Given,
+            masks: None,
+            distance: None,
             rays: false,
             features: Vec::new(),
             gaussians: false,
@@ -141,12 +160,47 @@ impl Request {
         {
             return wrong(format!("{} cameras for {} images", cameras.len(), self.images));
         }
-        Ok(())
+        self.masks.as_ref().map_or(Ok(()), |masks| masks.check(self.images, self.height * self.width))
+    }
+
+    /// Masks that say anything.
+    pub(crate) fn said_masks(&self) -> Option<&Masks> {
+        self.masks.as_deref().filter(|masks| masks.any())
     }
 
     /// Whether known cameras go into the network; a metric network alone takes no more of them than their lenses, for the metre.
     pub(crate) fn feeds_cameras(&self, config: &NetworkConfig) -> bool {
         self.cameras.is_some() && config.makes_cameras()
+    }
+
+    /// Checks a known distance.
+    ///
+    /// # Errors
+    /// [`OmnixError::Request`].
+    pub(crate) fn check_distance(&self, config: &NetworkConfig) -> Result<(), OmnixError> {
+        let Some(KnownDistance { image, places, metres }) = self.distance else { return Ok(()) };
+        let wrong = |reason: String| Err(OmnixError::Request { reason });
+        if self.cameras.is_some() {
+            return wrong("known cameras have a unit of length already: give them or a known distance".to_owned());
+        }
+        if config.unit != DepthUnit::Own {
+            return wrong(format!("{} measures in metres already: leave the known distance out", config.name));
+        }
+        if !config.makes_cameras() {
+            return wrong(format!("{} makes no cameras, without which no distance can be measured", config.name));
+        }
+        let (width, height) = (self.width as f32, self.height as f32);
+        let inside = |[x, y]: [f32; 2]| (-0.5..width - 0.5).contains(&x) && (-0.5..height - 0.5).contains(&y);
+        if image >= self.images || !places.into_iter().all(inside) {
+            return wrong(format!(
+                "the known distance is between places of image {image} at {places:?}; there are {} images of {width}x{height}",
+                self.images
+            ));
+        }
+        if !(metres.is_finite() && metres > 0.0) {
+            return wrong(format!("a known distance of {metres} metres: give one above 0"));
+        }
+        Ok(())
     }
 
     /// Checks known cameras that go into the network: what brings them and its own together needs three centres that are not on a line.
@@ -260,6 +314,20 @@ impl Request {
     #[must_use]
     pub fn field(mut self, field: FieldPlace) -> Self {
         self.field = field;
+        self
+    }
+
+    /// A distance that is known in metres; for results on the host.
+    #[must_use]
+    pub fn distance(mut self, distance: KnownDistance) -> Self {
+        self.distance = Some(distance);
+        self
+    }
+
+    /// What is said of pixels beforehand; for results on the host.
+    #[must_use]
+    pub fn masks(mut self, masks: Masks) -> Self {
+        self.masks = Some(Arc::new(masks));
         self
     }
 

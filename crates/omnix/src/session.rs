@@ -3,9 +3,11 @@
 mod geometry;
 mod handover;
 mod joined;
+mod masked;
 mod motion;
 mod on_device;
 mod readback;
+mod scaled;
 #[cfg(not(target_arch = "wasm32"))]
 mod warmup;
 
@@ -157,7 +159,22 @@ impl Session {
     /// When an image has not been set since the last run, the device fails, or `listener` failed or broke off.
     pub async fn run_async(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
         let readbacks = Readbacks::new(self.engine.gpu(), self.plan.head_images);
-        self.run_stages(listener, Results::Readbacks(readbacks)).await
+        let (masks, grid) = (self.plan.request.masks.clone(), self.plan.request.grid());
+        let mut scale = None;
+        let scaled = self.plan.request.distance.is_some();
+        let mut masked = |event| match event {
+            Event::MetricScale(metres) if scaled => {
+                scale = Some(metres);
+                listener(event)
+            }
+            Event::Frame(mut frame) => {
+                scale.into_iter().for_each(|scale| scaled::geometry(&mut frame, scale));
+                masked::geometry(&mut frame, masks.as_deref(), grid);
+                listener(Event::Frame(frame))
+            }
+            other => listener(other),
+        };
+        self.run_stages(&mut masked, Results::Readbacks(readbacks)).await
     }
 
     /// As [`Session::run_async`], with results that stay on the device ([`Event::Resident`]): nothing is read back but the cameras, a
@@ -168,6 +185,11 @@ impl Session {
     /// # Errors
     /// As [`Session::run_async`].
     pub async fn run_resident_async(&mut self, listener: Listener<'_>) -> Result<(), OmnixError> {
+        if self.plan.request.said_masks().is_some() || self.plan.request.distance.is_some() {
+            let reason =
+                "masks and a known distance are for results on the host: run without `resident`, or leave them out";
+            return Err(OmnixError::Request { reason: reason.to_owned() });
+        }
         self.run_stages(listener, Results::Resident).await
     }
 
@@ -183,9 +205,12 @@ impl Session {
         let mut made = self.run_backbone(listener).await?;
         self.align(&mut made, listener)?;
         let mut motion = self.start_motion()?;
-        self.run_head(&made, motion.as_mut(), listener, &mut results).await?;
+        let scale = self.run_head(&made, motion.as_mut(), listener, &mut results).await?;
         if let Some(motion) = motion {
-            let field = self.run_motion(made, motion, listener).await?;
+            let mut field = self.run_motion(made, motion, listener).await?;
+            if let Some(scale) = scale {
+                field.rescale(scale).await?;
+            }
             listener(Event::Field(Box::new(field)))?;
         }
         Ok(())

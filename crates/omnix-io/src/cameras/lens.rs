@@ -60,21 +60,27 @@ impl Lens {
         [[fx as f32, 0.0, cx as f32], [0.0, fy as f32, cy as f32], [0.0, 0.0, 1.0]]
     }
 
+    /// Where a place of the undistorted picture ([`Lens::undistort`]) is in the picture itself, in pixels from the corner of the first.
+    #[must_use]
+    pub fn seen_at(&self, [x, y]: [f64; 2], size: [u32; 2]) -> [f64; 2] {
+        let [cx, cy] = self.centre.unwrap_or(size.map(|side| f64::from(side) / 2.0));
+        let [fx, fy] = self.focal;
+        let [x, y] = self.distortion.apply([(x - cx) / fx, (y - cy) / fy]);
+        [x * fx + cx, y * fy + cy]
+    }
+
     /// The picture as a lens without distortion of the same focal length and principal point would have taken it, by bilinear
     /// interpolation; black where this lens saw nothing.
     #[must_use]
     pub fn undistort(&self, picture: &Picture) -> Picture {
         let (width, height) = (picture.width as usize, picture.height as usize);
-        let [cx, cy] = self.centre.unwrap_or([width as f64 / 2.0, height as f64 / 2.0]);
-        let [fx, fy] = self.focal;
+        let size = [picture.width, picture.height];
         let mut data = Vec::with_capacity(picture.data.len());
         for row in 0..height {
             for column in 0..width {
-                let straight = [(column as f64 + 0.5 - cx) / fx, (row as f64 + 0.5 - cy) / fy];
-                let [x, y] = self.distortion.apply(straight);
                 // Of pixel centres, which lie half a pixel from the corner.
-                let (u, v) = (x * fx + cx - 0.5, y * fy + cy - 0.5);
-                data.extend(sample(picture, u, v));
+                let [u, v] = self.seen_at([column as f64 + 0.5, row as f64 + 0.5], size);
+                data.extend(sample(picture, u - 0.5, v - 0.5));
             }
         }
         Picture::new(picture.width, picture.height, data)

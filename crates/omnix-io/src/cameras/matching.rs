@@ -109,7 +109,7 @@ impl<'a> Index<'a> {
             return Ok(None);
         }
         // Whole names before those that differ in their endings, then those with most folders in common.
-        let closeness = |path: &Path| (path.file_name() == frame.path.file_name(), common(path, &frame.path));
+        let closeness = |path: &Path| (path.file_name() == frame.path.file_name(), common_folders(path, &frame.path));
         let named = self.by_name.get(stem(&frame.path)).into_iter().flatten();
         let mut fitting: Vec<_> = named.map(|(path, camera)| (closeness(path), *path, *camera)).collect();
         fitting.sort_by_key(|found| std::cmp::Reverse(found.0));
@@ -132,12 +132,12 @@ impl<'a> Index<'a> {
 }
 
 /// A name without folders and ending. (What follows the last dot of a time is no ending of it, but of the picture it is.)
-fn stem(path: &Path) -> &str {
+pub(crate) fn stem(path: &Path) -> &str {
     path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
 }
 
 /// Number of folders in front of the name that two paths have in common.
-fn common(a: &Path, b: &Path) -> usize {
+pub(crate) fn common_folders(a: &Path, b: &Path) -> usize {
     let folders =
         |path: &'_ Path| path.components().rev().skip(1).map(|part| part.as_os_str().to_owned()).collect::<Vec<_>>();
     folders(a).into_iter().zip(folders(b)).take_while(|(a, b)| a == b).count()

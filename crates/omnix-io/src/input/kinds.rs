@@ -12,7 +12,7 @@ pub(super) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
-pub(super) fn is_image(path: &Path) -> bool {
+pub(crate) fn is_image(path: &Path) -> bool {
     IMAGE_EXTENSIONS.contains(&extension(path).as_str())
 }
 
@@ -24,7 +24,7 @@ pub fn is_video(path: &Path) -> bool {
 
 /// Files and folders that systems and programs put beside a user's own: names that begin with a dot (macOS writes `._NAME` beside
 /// every NAME on foreign drives), and the folder of such files in zip archives.
-pub(super) fn is_hidden(path: &Path) -> bool {
+pub(crate) fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b".") || name == "__MACOSX")
 }
 

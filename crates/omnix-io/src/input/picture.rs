@@ -65,11 +65,60 @@ impl Picture {
 /// A missing or unreadable file, content that is no picture, a file that ends too early, a picture the decoder refuses or that
 /// would take more than 1 GiB to decode.
 pub fn load_picture(path: &Path) -> Result<Picture, IoError> {
-    load_within(path, 1 << 30)
+    load_within(path, MOST)
 }
+
+/// Bytes that decoding takes at most.
+const MOST: u64 = 1 << 30;
 
 /// Reads one picture file if that takes no more than `most` bytes by its header.
 pub(super) fn load_within(path: &Path, most: u64) -> Result<Picture, IoError> {
+    let (decoded, header) = decoded(path, most)?;
+    let (width, height) = (decoded.width(), decoded.height());
+    let rgb = to_rgb8(decoded);
+    let Some(rgb) = RgbImage::from_raw(width, height, rgb) else {
+        return Err(IoError::ImageDecode {
+            reason: "BUG: its samples do not fit its size".into(),
+            path: path.to_owned(),
+        });
+    };
+    let mut upright = DynamicImage::ImageRgb8(rgb);
+    upright.apply_orientation(header.orientation);
+    let (width, height) = (upright.width(), upright.height());
+    Ok(Picture::new(width, height, upright.into_rgb8().into_raw()))
+}
+
+/// Width, height and a yes or no for each pixel.
+type Bits = (u32, u32, Vec<bool>);
+
+/// Which pixels of a picture are not black, upright: of 16-bit samples all bits count, and transparency does not.
+pub(crate) fn not_black(path: &Path) -> Result<Bits, IoError> {
+    let (mut decoded, header) = decoded(path, MOST)?;
+    decoded.apply_orientation(header.orientation);
+    let (width, height) = (decoded.width(), decoded.height());
+    let data = match decoded {
+        DynamicImage::ImageLuma16(i) => i.pixels().map(|p| p.0[0] != 0).collect(),
+        DynamicImage::ImageLumaA16(i) => i.pixels().map(|p| p.0[0] != 0).collect(),
+        DynamicImage::ImageRgb16(i) => i.pixels().map(|p| p.0 != [0; 3]).collect(),
+        DynamicImage::ImageRgba16(i) => i.pixels().map(|p| p.0[..3] != [0; 3]).collect(),
+        other => other.into_rgb8().pixels().map(|p| p.0 != [0; 3]).collect(),
+    };
+    Ok((width, height, data))
+}
+
+/// Which pixels of a picture are at least half opaque, upright; none where it has no alpha channel.
+pub(crate) fn opaque(path: &Path) -> Result<Option<Bits>, IoError> {
+    let (mut decoded, header) = decoded(path, MOST)?;
+    if !decoded.color().has_alpha() {
+        return Ok(None);
+    }
+    decoded.apply_orientation(header.orientation);
+    let rgba = decoded.into_rgba8();
+    Ok(Some((rgba.width(), rgba.height(), rgba.pixels().map(|p| p.0[3] >= 128).collect())))
+}
+
+/// Decodes one picture file if that takes no more than `most` bytes by its header; not yet upright.
+fn decoded(path: &Path, most: u64) -> Result<(DynamicImage, Header), IoError> {
     // The header walk gives the better message for files that are no pictures at all.
     let header = header::header(path)?;
     if header.bytes > most {
@@ -93,18 +142,7 @@ pub(super) fn load_within(path: &Path, most: u64) -> Result<Picture, IoError> {
         }
         other => IoError::ImageDecode { reason: other.to_string(), path: path.to_owned() },
     })?;
-    let (width, height) = (decoded.width(), decoded.height());
-    let rgb = to_rgb8(decoded);
-    let Some(rgb) = RgbImage::from_raw(width, height, rgb) else {
-        return Err(IoError::ImageDecode {
-            reason: "BUG: its samples do not fit its size".into(),
-            path: path.to_owned(),
-        });
-    };
-    let mut upright = DynamicImage::ImageRgb8(rgb);
-    upright.apply_orientation(header.orientation);
-    let (width, height) = (upright.width(), upright.height());
-    Ok(Picture::new(width, height, upright.into_rgb8().into_raw()))
+    Ok((decoded, header))
 }
 
 /// Decodes within `most` bytes.

@@ -73,7 +73,8 @@ impl Sink for GsPlySink {
         let (width, height) = (frame.width, frame.height);
         let size = [height as usize, width as usize];
         let maps = GaussianMaps { numbers, depth: frame.depth, size, camera: Camera { extrinsics, intrinsics } };
-        let mut sorted: Vec<f32> = frame.depth.iter().copied().filter(|depth| depth.is_finite()).collect();
+        let mut sorted: Vec<f32> =
+            frame.depth.iter().copied().filter(|depth| depth.is_finite() && *depth > 0.0).collect();
         sorted.sort_unstable_by(f32::total_cmp);
         let far = percentile(&sorted, FAR).unwrap_or(0.0);
         let inside = |at: u32, side: u32| {
@@ -83,7 +84,7 @@ impl Sink for GsPlySink {
         let gaussians = maps.world().map_err(|_| missing("an invertible camera"))?;
         for (at, gaussian) in gaussians.enumerate() {
             let (row, column) = (at as u32 / width, at as u32 % width);
-            let near = frame.depth[at] <= far && !frame.sky.is_some_and(|sky| sky[at]);
+            let near = frame.depth[at] > 0.0 && frame.depth[at] <= far && !frame.sky.is_some_and(|sky| sky[at]);
             let record = record(&gaussian);
             if inside(row, height) && inside(column, width) && near && record.iter().all(|v| v.is_finite()) {
                 self.gaussians.put(bytemuck::cast_slice(&record.map(f32::to_le_bytes)))?;

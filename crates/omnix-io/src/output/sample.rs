@@ -58,7 +58,7 @@ pub(super) fn key(seed: u64, position: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Confidences of all pixels, for percentiles: exact up to half a million pixels, beyond that from a sample of as many.
+/// Confidences of all pixels but those that have none (0, where a mask leaves them out), for percentiles: exact up to half a million pixels, beyond that from a sample of as many.
 pub(super) struct ConfidenceSample(Reservoir<f32>);
 
 impl ConfidenceSample {
@@ -69,7 +69,7 @@ impl ConfidenceSample {
     }
 
     pub(super) fn add(&mut self, frame: &FrameResult<'_>) {
-        for &value in frame.confidence.unwrap_or_default().iter().filter(|c| c.is_finite()) {
+        for &value in frame.confidence.unwrap_or_default().iter().filter(|c| c.is_finite() && **c > 0.0) {
             self.0.offer(|| value);
         }
     }

@@ -12,6 +12,8 @@ pub struct MotionSpec {
     pub grid: (usize, usize),
     /// Video and frame number of every image.
     pub times: Vec<(u32, u32)>,
+    /// Whether scores are forced where the inputs [`FORCED`] say so.
+    pub forced: bool,
 }
 
 impl MotionSpec {
@@ -28,6 +30,9 @@ impl MotionSpec {
         self.images
     }
 }
+
+/// The inputs of a graph with forced scores, `[T, L]`: where a score is forced (not 0), and to what.
+pub const FORCED: [&str; 2] = ["traj.forced", "traj.forced_score"];
 
 /// Numbers that are left out at random in training: behind each ReLU of the layers that score tokens and of those that make their gain
 /// (`spec/omnix.md` section 5).

@@ -6,7 +6,7 @@ use omnix_graph::ops::Unary;
 use omnix_graph::{Graph, GraphError, Value};
 use omnix_weights::Scope;
 
-use super::spec::{LeaveOut, MotionSpec, root};
+use super::spec::{FORCED, LeaveOut, MotionSpec, root};
 use crate::config::{TimeGain, TokenFeatures, TrajectoryConfig};
 use crate::layers::{linear, linear_columns, linear_rows, pointwise_conv, relu};
 
@@ -76,7 +76,12 @@ pub(super) fn score(
     let x = pointwise_conv(g, &root().pp("dynamic_pred_last_layer"), x, 1)?;
     let logits = g.reshape(x, [spec.images, spec.patches()])?;
     g.name(logits, "traj.score_logit");
-    Ok(g.map(Unary::Sigmoid, logits))
+    let score = g.map(Unary::Sigmoid, logits);
+    if !spec.forced {
+        return Ok(score);
+    }
+    let [r#where, to] = FORCED.map(|name| g.input(name, [spec.images, spec.patches()]));
+    g.select(r#where, to, score)
 }
 
 /// The tokens of highest score, the same number in every image.

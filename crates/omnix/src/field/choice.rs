@@ -78,8 +78,13 @@ impl Field {
             Gate::None | Gate::Blend => 0.0,
         };
         let options = PointOptions::new(budget).seed(seed).threshold(threshold);
-        let scores = (0..shape.images).map(|image| self.theta(image)).collect::<Result<Vec<_>, _>>()?;
-        let slices: Vec<&[f32]> = scores.iter().map(|scores| &**scores).collect();
+        // A pixel that a mask leaves out has no confidence, and no score here: such are never chosen.
+        let scores = |image| {
+            let (theta, confidence) = (self.theta(image)?, self.confidence(image)?);
+            Ok(theta.iter().zip(&*confidence).map(|(t, c)| if *c == 0.0 { f32::NAN } else { *t }).collect())
+        };
+        let scores = (0..shape.images).map(scores).collect::<Result<Vec<Vec<f32>>, OmnixError>>()?;
+        let slices: Vec<&[f32]> = scores.iter().map(Vec::as_slice).collect();
         let chosen = choose_points(&slices, shape.width, &options);
         let count: usize = chosen.iter().map(Vec::len).sum();
         let mut points = MovingPoints {

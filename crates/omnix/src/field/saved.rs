@@ -7,9 +7,9 @@
 //! | `field` | F32 or F16 | T source, M, T target, L, 9 | six numbers of rotation, three of translation |
 //! | `mask` | F32 | T, L | which cells were chosen (0 or 1; the score, where the network samples that) |
 //! | `offsets` | F32 or F16 | T, H, W, M, Q, 2 | where a pixel samples, in cells from its own place: x, y |
-//! | `weights` | F32 or F16 | T, H, W, M, Q | of its samples, sum 1 |
-//! | `points` | F32 or F16 | T, H, W, 3 | world points at the image's own time |
-//! | `theta`, `confidence` | F32 | T, H, W | motion score; confidence of the paths, at least 1 |
+//! | `weights` | F32 or F16 | T, H, W, M, Q | of its samples, sum 1; all 0 where a mask holds the pixel still |
+//! | `points` | F32 or F16 | T, H, W, 3 | world points at the image's own time; NaN where a mask leaves the pixel out |
+//! | `theta`, `confidence` | F32 | T, H, W | motion score; confidence of the paths, at least 1, or 0 where a mask leaves the pixel out |
 //! | `extrinsics`, `intrinsics` | F32 | T, 3, 4; T, 3, 3 | world-to-camera, OpenCV axes; in pixels of the processed image |
 //! | `times` | U32 | T, 2 | video and frame of each image |
 //! | `seconds` | F64 | T | from the start of its video; NaN where unknown (F32 in files of version 1) |

@@ -110,6 +110,22 @@ impl Store {
         }
     }
 
+    /// Puts other numbers in the place of those of a part that is there.
+    pub(crate) fn replace(&mut self, image: usize, part: Part, numbers: &[f32]) -> Result<(), OmnixError> {
+        match &mut self.place {
+            Place::Device(images) => {
+                let to = images[image][part as usize].as_ref().ok_or_else(|| absent(part))?;
+                self.gpu.queue.write_buffer(&to.buffer, to.offset, bytemuck::cast_slice(numbers));
+                // What is written waits in staging memory until it is submitted.
+                self.gpu.queue.submit([]);
+                Ok(())
+            }
+            Place::File { file, .. } => {
+                file.get_mut().unwrap_or_else(PoisonError::into_inner).write(&self.shape, image, part, numbers)
+            }
+        }
+    }
+
     /// Copies a part of an image into a buffer of the device.
     pub(crate) async fn give(&self, image: usize, part: Part, to: &BufferSlice) -> Result<(), OmnixError> {
         match &self.place {

@@ -53,9 +53,19 @@ pub(super) fn module_held(module: &Plan, kept: u64, (shape, resident): Place<'_>
 }
 
 /// Bytes that the sampling head's stage holds beside its plan.
-pub(super) fn sampling_held(sampling: &Plan, runs: usize, kept: u64, (shape, resident): Place<'_>) -> u64 {
-    // Results are read back one by one; offsets and weights only where they go to a file.
-    let staging = if resident { shape.pixels() as u64 * 4 } else { output_sizes(&sampling.graph).max().unwrap_or(0) };
+pub(super) fn sampling_held(
+    sampling: &Plan,
+    runs: usize,
+    kept: u64,
+    (shape, resident): Place<'_>,
+    request: &Request,
+) -> u64 {
+    // Results are read back one by one; offsets and weights only where they go to a file, or masks change them.
+    let staging = if resident && request.said_masks().is_none() {
+        shape.pixels() as u64 * 4
+    } else {
+        output_sizes(&sampling.graph).max().unwrap_or(0)
+    };
     held_features(sampling, runs, kept) + staging + if resident { shape.bytes() } else { 0 }
 }
 
@@ -141,7 +151,8 @@ impl<'a> Geometry<'a> {
 }
 
 fn module(weights: &Weights, request: &Request) -> Result<Graph, OmnixError> {
-    let spec = MotionSpec { images: request.images, grid: request.grid(), times: request.image_times() };
+    let forced = request.said_masks().is_some();
+    let spec = MotionSpec { images: request.images, grid: request.grid(), times: request.image_times(), forced };
     let mut graph = Graph::new();
     weights.network().motion(&mut graph, &spec)?;
     Ok(graph)
@@ -245,6 +256,7 @@ impl RunPlan {
             field::motion_of(weights)?;
         }
         let config = weights.network().config();
+        request.check_distance(config)?;
         if request.feeds_cameras(config) {
             request.check_given_cameras()?;
         } else if request.cameras.is_some() && config.unit != DepthUnit::Canonical {
@@ -341,6 +353,7 @@ fn unit(config: &NetworkConfig, request: &Request) -> &'static str {
         (_, true) if config.makes_cameras() && request.align == AlignTo::Given => CAMERAS_UNIT,
         (DepthUnit::Canonical, true) | (DepthUnit::Metres, _) => METRES,
         (DepthUnit::Canonical, false) => CANONICAL_UNIT,
+        (DepthUnit::Own, _) if request.distance.is_some() => METRES,
         (DepthUnit::Own, _) => NETWORK_UNIT,
     }
 }
@@ -410,7 +423,7 @@ impl<'a> Motion<'a> {
             let graph = sampling(self.weights, self.request, frames)?;
             Ok(Plan::new(&graph, self.caps, &self.options.parts(1).streamed(streamed))?)
         };
-        let held = |plan: &Plan, runs| sampling_held(plan, runs, kept, place);
+        let held = |plan: &Plan, runs| sampling_held(plan, runs, kept, place, self.request);
         let sampling = budget.plan_chunked((self.request.sampling_images, usual), plan, held)?;
         let store = if resident { self.shape.bytes() } else { 0 };
         let room = budget.room(store);

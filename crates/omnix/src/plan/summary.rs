@@ -100,7 +100,7 @@ impl RunPlan {
         if let Some(motion) = &self.motion {
             let place = (&motion.shape, motion.resident);
             stages.push(stage("motion", &motion.module, stages::module_held(&motion.module, self.kept, place), images));
-            let held = stages::sampling_held(&motion.sampling, motion.sampling_runs(), self.kept, place);
+            let held = stages::sampling_held(&motion.sampling, motion.sampling_runs(), self.kept, place, &self.request);
             stages.push(stage("sampling", &motion.sampling, held, motion.sampling_images));
             let weight_bytes = weights(0);
             stages.push(StageSummary {

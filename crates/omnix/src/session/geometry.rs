@@ -1,6 +1,9 @@
 //! The stages that make geometry: the backbone over all images, then the head a few images at a time.
 
-use omnix_geometry::{Camera, agreement, align_cameras, decode_pose_code, encode_pose_code, normalise_extrinsics};
+use omnix_geometry::{
+    Camera, RayMaps, agreement, align_cameras, cameras_from_rays, decode_pose_code, encode_pose_code,
+    normalise_extrinsics,
+};
 use omnix_kernels::readback::read_async;
 
 use super::Session;
@@ -8,9 +11,11 @@ use super::handover::{BackboneResults, fill, inputs, part, places};
 use super::motion::FieldBuilder;
 use super::on_device::{OnDevice, PhasePart};
 use super::readback::Results;
+use super::{masked, scaled};
 use crate::error::OmnixError;
-use crate::event::{Event, Listener, Phase, ResidentGeometry};
+use crate::event::{Event, FrameGeometry, Listener, Phase, ResidentGeometry};
 use crate::plan::feature_name;
+use crate::request::KnownDistance;
 
 impl Session {
     /// Features on the device and cameras.
@@ -70,28 +75,41 @@ impl Session {
         Ok(())
     }
 
-    /// Each image's geometry to `results`, and what motion needs of it to `motion`.
+    /// Each image's geometry to `results`, and what motion needs of it to `motion`. Returns metres in a unit of these, where a distance is
+    /// known.
     pub(super) async fn run_head(
         &mut self,
         made: &BackboneResults,
         mut motion: Option<&mut FieldBuilder>,
         listener: Listener<'_>,
         results: &mut Results,
-    ) -> Result<(), OmnixError> {
+    ) -> Result<Option<f64>, OmnixError> {
         let (images, step) = (self.plan.request.images, self.plan.head_images);
         let runs = self.plan.head_runs();
         let bindings = inputs(&made.features, made.pictures.as_ref(), runs);
         let head = self.weights.stage(&self.plan.head, &bindings, listener).await?;
         let total = self.plan.head_flops();
-        for first in (0..images).step_by(step) {
+        let fill_in = |first: usize, motion: Option<&FieldBuilder>| {
             let count = step.min(images - first);
             if runs > 1 {
                 let seen = (&made.features[..], made.pictures.as_ref());
                 fill(self.engine.gpu(), &head, seen, (first, count, images))?;
             }
-            if let Some(motion) = &motion {
-                motion.fill_head(&head, &made.cameras, first, count)?;
-            }
+            motion.map_or(Ok(()), |motion| motion.fill_head(&head, &made.cameras, first, count))
+        };
+        let mut scale = None;
+        if let Some(known) = self.plan.request.distance {
+            // The image that shows the distance comes first, for its depth alone.
+            let first = known.image / step * step;
+            fill_in(first, motion.as_deref())?;
+            run_between(&head, PhasePart { phase: Phase::Head, before: 0, total }, listener, results).await?;
+            let metres = self.known_scale(&known, &head, made, step).await?;
+            listener(Event::MetricScale(metres))?;
+            scale = Some(metres);
+        }
+        for first in (0..images).step_by(step) {
+            let count = step.min(images - first);
+            fill_in(first, motion.as_deref())?;
             let before = head.plan().flops() * (first / step) as u64;
             run_between(&head, PhasePart { phase: Phase::Head, before, total }, listener, results).await?;
             for i in 0..count {
@@ -115,7 +133,43 @@ impl Session {
                 results.done(geometry, listener).await?;
             }
         }
-        results.finish(listener).await
+        results.finish(listener).await?;
+        Ok(scale)
+    }
+
+    /// Metres in a unit of the network, from the head's results for the image that shows a known distance.
+    async fn known_scale(
+        &self,
+        known: &KnownDistance,
+        head: &OnDevice,
+        made: &BackboneResults,
+        step: usize,
+    ) -> Result<f64, OmnixError> {
+        let (image, place, gpu) = (known.image, known.image % step, self.engine.gpu());
+        let request = &self.plan.request;
+        let map = |name: &str| part(head, name, place, step);
+        let mut frame = FrameGeometry {
+            index: image,
+            depth: read_async(gpu, &map("depth")?).await?,
+            confidence: None,
+            sky: None,
+            camera: Some(made.cameras[image]),
+            rays: None,
+            gaussians: None,
+            features: Vec::new(),
+        };
+        if request.rays {
+            frame.rays = Some((read_async(gpu, &map("ray")?).await?, read_async(gpu, &map("ray_conf")?).await?));
+        }
+        masked::geometry(&mut frame, request.masks.as_deref(), request.grid());
+        let mut camera = made.cameras[image];
+        if let Some((rays, confidence)) = &frame.rays {
+            let (rows, columns) = request.grid();
+            let maps = RayMaps { rays, confidence, size: [8 * rows, 8 * columns] };
+            let found = cameras_from_rays(&maps, [request.height as u32, request.width as u32], None)?;
+            camera = found.first().map_or(camera, |found| found.camera);
+        }
+        scaled::scale(known, &frame.depth, request.width, &camera)
     }
 }
 

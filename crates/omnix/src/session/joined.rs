@@ -9,6 +9,7 @@ use omnix_kernels::readback::read_async;
 
 use super::Session;
 use super::handover::{fill, inputs, part};
+use super::masked::hide_sky;
 use super::on_device::PhasePart;
 use super::readback::{Results, scaled_gaussians};
 use crate::error::OmnixError;
@@ -55,6 +56,7 @@ impl Session {
         let mut waiting =
             self.read_head(&head, step, (&made.features[..], made.pictures.as_ref()), whole, listener).await?;
         (made.features, made.pictures) = (Vec::new(), None);
+        hide_sky(&mut waiting.sky, self.plan.request.masks.as_deref());
         match metric {
             Some([metric, sky]) => {
                 let scale = to_metres(&mut waiting, &metric, sky, &mut made.cameras)?;
@@ -101,8 +103,9 @@ impl Session {
         let features = (0..4).map(|k| backbone.slice(&format!("feat.{k}"))).collect::<Result<Vec<_>, _>>()?;
         drop(backbone);
         let part = PhasePart { before: plan.backbone.flops(), ..part };
-        let Waiting { mut depth, sky, .. } =
+        let Waiting { mut depth, mut sky, .. } =
             self.read_head(&plan.head, plan.head_images, (&features[..], None), part, listener).await?;
+        hide_sky(&mut sky, self.plan.request.masks.as_deref());
         fill_sky(&mut depth, &sky);
         Ok(Some([depth, sky]))
     }

@@ -5,13 +5,16 @@ use omnix_graph::Tensors;
 use omnix_graph::ops::Motion;
 use omnix_kernels::readback::read_async;
 use omnix_kernels::{BufferSlice, Gpu};
+use omnix_model::FORCED;
 
 use super::Session;
 use super::handover::{BackboneResults, fill, inputs, part};
+use super::masked::{self, PixelParts, forced_scores};
 use super::on_device::PhasePart;
 use crate::error::OmnixError;
 use crate::event::{Event, FrameMotion, Listener, Phase};
 use crate::field::{About, Field, FieldImage, FieldShape, ImageMaps, Maps, Part, Store, copy, motion_of};
+use crate::masks::Masks;
 #[cfg(feature = "io")]
 use crate::request::FieldPlace;
 
@@ -62,6 +65,23 @@ impl FieldBuilder {
     }
 }
 
+impl FieldBuilder {
+    /// Changes what masks say of an image's pixels.
+    async fn mask(&mut self, masks: Option<&Masks>, image: usize, confidence: &mut [f32]) -> Result<(), OmnixError> {
+        let Some(masks) = masks else { return Ok(()) };
+        let mask = self.store.numbers(image, Part::Mask).await?;
+        let mut offsets = self.store.numbers(image, Part::Offsets).await?;
+        let mut weights = self.store.numbers(image, Part::Weights).await?;
+        let mut points = self.store.numbers(image, Part::Points).await?;
+        let parts = PixelParts { offsets: &mut offsets, weights: &mut weights, points: &mut points, confidence };
+        masked::field(masks, image, &self.shape, &mask, parts)?;
+        for (part, numbers) in [(Part::Offsets, &offsets), (Part::Weights, &weights), (Part::Points, &points)] {
+            self.store.replace(image, part, numbers)?;
+        }
+        Ok(())
+    }
+}
+
 impl Session {
     /// Makes room for a field, if motion is wanted.
     pub(super) fn start_motion(&self) -> Result<Option<FieldBuilder>, OmnixError> {
@@ -85,6 +105,9 @@ impl Session {
             None => None,
         };
         let motion = motion_of(self.weights.checkpoint())?;
+        if let Some(masks) = self.plan.request.said_masks() {
+            masked::check(masks, motion)?;
+        }
         Ok(Some(FieldBuilder { gpu: gpu.clone(), shape: plan.shape, motion, store, tokens }))
     }
 
@@ -135,6 +158,11 @@ impl Session {
         let mut bindings = inputs(&kept.features, None, 1);
         bindings.extend(making.tokens.take().map(|tokens| (TOKENS.to_owned(), tokens)));
         let module = self.weights.stage(&plan.module, &bindings, listener).await?;
+        if let Some(masks) = self.plan.request.said_masks() {
+            for (name, numbers) in FORCED.into_iter().zip(forced_scores(masks, &making.shape)) {
+                module.write(name, &numbers)?;
+            }
+        }
         let whole = PhasePart { phase: Phase::Motion, before: 0, total: module.plan().flops() };
         module.run(whole, listener).await?;
         for image in 0..making.shape.images {
@@ -179,7 +207,9 @@ impl Session {
                 for which in [Part::Offsets, Part::Weights] {
                     making.store.put(first + i, which, &part(&sampling, which.name(), i, step)?).await?;
                 }
-                confidence.push(read_async::<f32>(gpu, &part(&sampling, "traj_conf", i, step)?).await?);
+                let mut trust = read_async::<f32>(gpu, &part(&sampling, "traj_conf", i, step)?).await?;
+                making.mask(self.plan.request.said_masks(), first + i, &mut trust).await?;
+                confidence.push(trust);
             }
         }
         Ok(confidence)

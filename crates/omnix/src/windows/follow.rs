@@ -266,7 +266,13 @@ impl Follow<'_> {
         followed: &mut Followed,
     ) -> Result<(), OmnixError> {
         let (own, begin, width) = (self.own(k), self.first_image(k), self.size[1]);
-        let scores = own.clone().map(|image| field.theta(image - begin)).collect::<Result<Vec<_>, _>>()?;
+        // A pixel that a mask leaves out has no confidence, and no score here: such are never chosen.
+        let mut scored = |image: usize| {
+            let (mut theta, confidence) = (field.theta(image - begin)?, field.confidence(image - begin)?);
+            theta.iter_mut().zip(confidence).filter(|(_, c)| *c == 0.0).for_each(|(theta, _)| *theta = f32::NAN);
+            Ok::<_, OmnixError>(theta)
+        };
+        let scores = own.clone().map(&mut scored).collect::<Result<Vec<_>, _>>()?;
         let slices: Vec<&[f32]> = scores.iter().map(Vec::as_slice).collect();
         let share = budget * own.len() / self.images().len();
         let threshold = scores.iter().flatten().copied().filter(|theta| !field.moves(*theta)).fold(0.0, f32::max);

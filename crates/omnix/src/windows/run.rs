@@ -1,6 +1,7 @@
 //! The windows of a film, one after the other, each into its file; those that are there already are not computed again.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use omnix_geometry::{Camera, RayMaps, cameras_from_rays, sample_table};
 use omnix_graph::ops::Gate;
@@ -43,9 +44,12 @@ pub struct Windows<'a> {
 /// What is asked of a window of a film: `film`'s settings for the window's images, with times from the first frame on.
 ///
 /// # Errors
-/// Known cameras, or a reference view by number: neither has a meaning in a window.
+/// Known cameras, a known distance, or a reference view by number: none of them has a meaning in a window.
 pub fn window_request(film: &Request, window: &Window) -> Result<Request, OmnixError> {
     let wrong = |reason: &str| Err(OmnixError::Request { reason: reason.to_owned() });
+    if film.distance.is_some() {
+        return wrong("a known distance and windows do not go together: reconstruct fewer images at once");
+    }
     if film.cameras.is_some() {
         return wrong("known cameras and windows do not go together: reconstruct fewer images at once");
     }
@@ -55,7 +59,9 @@ pub fn window_request(film: &Request, window: &Window) -> Result<Request, OmnixE
     let times = &film.image_times()[window.images.clone()];
     let first = |video: u32| times.iter().filter(|(of, _)| *of == video).map(|(_, frame)| *frame).min().unwrap_or(0);
     let own = times.iter().map(|&(video, frame)| (video, frame - first(video))).collect();
-    Ok(film.clone().images(window.images.len()).times(own))
+    let mut request = film.clone().images(window.images.len()).times(own);
+    request.masks = film.masks.as_ref().map(|masks| Arc::new(masks.part(window.images.clone())));
+    Ok(request)
 }
 
 /// The motion score up to which a pixel counts as still; none where the network says nothing of motion.
@@ -130,13 +136,14 @@ impl Windows<'_> {
             device.driver,
         );
         key.update(facts.as_bytes());
+        key.update(request.masks.as_ref().map(|masks| masks.digest()).unwrap_or_default().as_bytes());
         key
     }
 }
 
 /// Whether a session of this plan can run the request.
 fn serves(plan: &RunPlan, request: &Request) -> bool {
-    plan.request.images == request.images && plan.request.times == request.times
+    plan.request.images == request.images && plan.request.times == request.times && plan.request.masks == request.masks
 }
 
 impl WindowField for Field {

@@ -97,9 +97,12 @@ impl Run<'_> {
                 Event::Frame(geometry) => geometry,
                 Event::MetricScale(metres) => {
                     ui.event("metric_scale", json!({ "metres": metres }));
-                    ui.say(&format!(
-                        "a unit of the any-view network is {metres:.3} metres, as the metric network sees it"
-                    ));
+                    let by = if job.request.distance.is_some() {
+                        "by the known distance"
+                    } else {
+                        "as the metric network sees it"
+                    };
+                    ui.say(&format!("a unit of the any-view network is {metres:.3} metres, {by}"));
                     return Ok(());
                 }
                 Event::Agreement(agreement) => {
@@ -218,7 +221,10 @@ fn camera_of_rays(maps: &RayMaps<'_>, image: [u32; 2], table: &[[u32; 8]]) -> Re
     cameras.first().map(|c| c.camera).ok_or_else(none)
 }
 
-/// Least and greatest depth.
+/// Least and greatest depth of the pixels that have one.
 fn range(depth: &[f32]) -> (f32, f32) {
-    depth.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), d| (a.min(*d), b.max(*d)))
+    depth
+        .iter()
+        .filter(|depth| **depth > 0.0)
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), d| (a.min(*d), b.max(*d)))
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use super::state::Run;
 use crate::args::Cameras;
-use crate::{job, memory};
+use crate::{job, masking, memory};
 
 impl Run<'_> {
     /// What the run was.
@@ -49,6 +49,8 @@ impl Run<'_> {
                     Cameras::Rays => "ray maps".to_owned(),
                     Cameras::Known(path) => format!("known, from {}", path_text(path)),
                 },
+                "scale": args.scale.as_ref().map(ToString::to_string),
+                "masks": masking::described(args, job.request.masks.as_deref()),
                 "memory_budget_bytes": job.request.budget,
                 "export": exports,
                 "feature_blocks": job.request.features,
