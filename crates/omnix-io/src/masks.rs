@@ -82,8 +82,12 @@ pub fn match_masks(folder: &Path, plan: &InputPlan) -> Result<MatchedMasks, IoEr
     for (frame, name) in plan.frames.iter().zip(plan.picture_names()) {
         let name = Path::new(&name).file_name().unwrap_or_default().to_string_lossy().into_owned();
         let short = stem(Path::new(&name));
-        let named = by_stem.get(name.as_str()).or_else(|| by_stem.get(short)).into_iter().flatten();
-        let mut fitting: Vec<_> = named.map(|path| (common_folders(path, &frame.path), *path)).collect();
+        // The mask in the folders most like the picture's; there, the one that names the whole picture.
+        let named = |stem: &str, whole: bool| {
+            let found = by_stem.get(stem).into_iter().flatten();
+            found.map(move |path| ((common_folders(path, &frame.path), whole), *path))
+        };
+        let mut fitting: Vec<_> = named(&name, true).chain(named(short, false)).collect();
         fitting.sort_by_key(|found| std::cmp::Reverse(found.0));
         let found = match *fitting {
             [(first, a), (second, b), ..] if first == second => {
