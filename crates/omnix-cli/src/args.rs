@@ -8,7 +8,7 @@ use omnix::io::preprocess::ResizeMethod;
 use omnix::{Engine, FieldPrecision, OmnixError, ReferenceChoice, WeightType};
 
 use crate::bytes;
-use crate::masking::MaskFolder;
+use crate::mask_folder::MaskFolder;
 use crate::ruler::Ruler;
 
 /// Which device, shared by commands that open one.

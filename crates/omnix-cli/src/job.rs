@@ -83,7 +83,7 @@ impl Job {
             request = request.masks(masking.masks);
         }
         if let Some(ruler) = &args.scale {
-            request = request.distance(ruler.place(&input, &preparation)?);
+            request = request.distance(ruler.place(&input, |frame, end| preparation.place(frame, end))?);
         }
         let exports = chosen_exports(args, &weights, &mut request)?;
         let bent = known.iter().flatten().any(|camera| !camera.lens.distortion.is_none());

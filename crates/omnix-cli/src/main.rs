@@ -7,6 +7,7 @@ mod disk;
 mod error;
 mod folder;
 mod job;
+mod mask_folder;
 mod masking;
 mod memory;
 mod prepare;

@@ -1,9 +1,5 @@
 //! Masks of a run: read, brought to the network's size as the pictures are, and said in words.
 
-use std::fmt;
-use std::path::PathBuf;
-use std::str::FromStr;
-
 use omnix::io::cameras::MatchedCamera;
 use omnix::io::input::SourceKind;
 use omnix::io::masks::{Mask, MatchedMasks, match_masks};
@@ -14,55 +10,9 @@ use serde_json::{Map, Value, json};
 
 use crate::args::RunArgs;
 use crate::error::CliError;
+use crate::mask_folder::Says;
 use crate::prepare::Preparation;
 use crate::stop;
-
-/// What the masks of a folder say of a pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Says {
-    /// Black: leave it out.
-    Ignore,
-    /// Not black: it stands still.
-    Still,
-    /// Not black: it moves.
-    Moving,
-}
-
-const NAMES: [(&str, Says); 3] = [("ignore", Says::Ignore), ("still", Says::Still), ("moving", Says::Moving)];
-
-impl Says {
-    fn name(self) -> &'static str {
-        NAMES.iter().find(|(_, says)| *says == self).map_or("", |(name, _)| name)
-    }
-}
-
-/// `--masks`, once.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct MaskFolder {
-    says: Says,
-    path: PathBuf,
-}
-
-impl FromStr for MaskFolder {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let named = text.split_once('=').and_then(|(kind, path)| {
-            NAMES.iter().find(|(name, _)| *name == kind).map(|(_, says)| Self { says: *says, path: path.into() })
-        });
-        let found = named.unwrap_or_else(|| Self { says: Says::Ignore, path: text.into() });
-        if found.path.as_os_str().is_empty() {
-            return Err("a folder of masks, such as masks, ignore=masks, still=walls or moving=people".to_owned());
-        }
-        Ok(found)
-    }
-}
-
-impl fmt::Display for MaskFolder {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}={}", self.says.name(), self.path.display())
-    }
-}
 
 /// The masks of a run, and what a user should see of them.
 pub(crate) struct Masking {
@@ -206,20 +156,4 @@ pub(crate) fn described(args: &RunArgs, masks: Option<&Masks>) -> Value {
         marks.map(|(name, mark)| (name.to_owned(), masks.count(mark).into())).into_iter().collect();
     fields.insert("pixels".to_owned(), pixels.into());
     Value::Object(fields)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_folder_may_say_what_its_masks_say() {
-        let read = |text: &str| text.parse::<MaskFolder>().map(|found| (found.says, found.path));
-        assert_eq!(read("a/b"), Ok((Says::Ignore, "a/b".into())));
-        assert_eq!(read("still=a=b"), Ok((Says::Still, "a=b".into())));
-        assert_eq!(read("moving=x"), Ok((Says::Moving, "x".into())));
-        // A folder may have such a name.
-        assert_eq!(read("odd=name"), Ok((Says::Ignore, "odd=name".into())));
-        assert!(read("").is_err() && read("ignore=").is_err());
-    }
 }

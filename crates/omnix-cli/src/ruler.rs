@@ -5,10 +5,9 @@ use std::path::Path;
 use std::str::FromStr;
 
 use omnix::KnownDistance;
-use omnix::io::InputPlan;
+use omnix::io::{InputPlan, PlannedFrame};
 
 use crate::error::CliError;
-use crate::prepare::Preparation;
 
 /// Two pixels of a picture and the metres between what they show.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,11 +48,15 @@ impl fmt::Display for Ruler {
 }
 
 impl Ruler {
-    /// The same in what the network sees.
+    /// The same in what the network sees; `seen` says where a place of a frame's picture is there, if it is.
     ///
     /// # Errors
     /// A picture that is not there or is not one, and pixels that are outside or cut off.
-    pub(crate) fn place(&self, input: &InputPlan, preparation: &Preparation) -> Result<KnownDistance, CliError> {
+    pub(crate) fn place(
+        &self,
+        input: &InputPlan,
+        seen: impl Fn(&PlannedFrame, [f64; 2]) -> Option<[f32; 2]>,
+    ) -> Result<KnownDistance, CliError> {
         let wrong = |what: String| CliError::Usage(format!("--scale {self}: {what}"));
         let image = match &self.picture {
             None => 0,
@@ -77,7 +80,7 @@ impl Ruler {
         };
         let frame = &input.frames[image];
         let place = |end: [f64; 2]| {
-            preparation.place(frame, end).ok_or_else(|| {
+            seen(frame, end).ok_or_else(|| {
                 let (width, height) = (frame.width, frame.height);
                 wrong(format!(
                     "{},{} is outside the picture of {width}x{height}, or cut off for the network",
