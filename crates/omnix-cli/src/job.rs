@@ -195,7 +195,7 @@ impl Job {
         }
     }
 
-    /// What machines are told of the windows; null where there are none.
+    /// What machines are told of the windows; null for a run without windows.
     pub(crate) fn windows_event(&self) -> Result<Value, CliError> {
         let count = self.windows()?;
         Ok(json!(self.window.map(|size| json!({ "images": size.images, "overlap": size.overlap, "count": count }))))

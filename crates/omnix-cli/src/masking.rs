@@ -20,7 +20,7 @@ pub(crate) struct Masking {
     pub(crate) notes: Vec<String>,
 }
 
-/// Reads all masks that are asked for; none if none are.
+/// Reads all masks that are asked for; `None` for a run without masks.
 ///
 /// # Errors
 /// Folders, sizes and pictures that do not fit; masks of motion for a network without; a pixel that is to stand still and to move.
@@ -141,7 +141,7 @@ fn marks(
     Ok(marks)
 }
 
-/// For the manifest; null where there are none.
+/// For the manifest; null for a run without masks.
 pub(crate) fn described(args: &RunArgs, masks: Option<&Masks>) -> Value {
     let Some(masks) = masks else { return Value::Null };
     let mut fields = Map::new();

@@ -136,7 +136,7 @@ impl FilmFiles<'_> {
     }
 }
 
-/// The 32 bytes of a digest such as `blake3:00ff...`; noughts for a text that is none.
+/// The 32 bytes of a digest such as `blake3:00ff...`; zeros where the text is not one.
 fn digest(key: &str) -> [u32; 8] {
     let hash = key.strip_prefix("blake3:").and_then(|hex| blake3::Hash::from_hex(hex).ok());
     let bytes = hash.map_or([0; 32], |hash| *hash.as_bytes());
@@ -372,7 +372,7 @@ fn window(
     Ok(field)
 }
 
-/// Where windows lie; none if the parts do not follow each other or a number is none.
+/// Where windows lie; `None` if the parts do not follow each other or a number does not fit.
 fn placements(ranges: &[u32], to_part: &[f64]) -> Option<Vec<Placement>> {
     let place = |(range, numbers): (&[u32; 4], &[f64; 13])| {
         let sound = numbers.iter().all(|v| v.is_finite()) && numbers[0] > 0.0;
